@@ -1,8 +1,8 @@
 //! A Python script that flies a plan with cflib, switches its lights and records the flight.
 //!
-//! The script is `cflib.py`. The plan is inserted as one JSON text in a string literal, so that no
-//! word can become code. The script sends positions or full states (position, velocity and
-//! acceleration) by radio, or starts a compressed trajectory on board.
+//! The script is `cflib.py`. The plan is inserted as JSON text in a string literal, so that no word
+//! can become code. The script sends positions or full states (position, velocity and acceleration)
+//! by radio, or starts a compressed trajectory on board.
 
 use std::collections::BTreeMap;
 
@@ -25,21 +25,21 @@ use noctograph_plan::Plan;
 use noctograph_sim::sensors::Positioning;
 use noctograph_sim::{ControllerKind, Law};
 
-/// Template of the script. The template's placeholders are `@DATA@` for the plan, `@LOG@`,
-/// `@OPTIONAL@` and `@WATCH@` for the log variables, and `@CFLIB@` for the oldest supported cflib.
+/// Template of the script. Its placeholders are `@DATA@` for the plan, `@LOG@`, `@OPTIONAL@` and
+/// `@WATCH@` for the log variables, and `@CFLIB@` for the oldest supported cflib.
 const SCRIPT: &str = include_str!("cflib.py");
 /// Template of the launcher for several drones, with `@SCRIPTS@` for the names of their scripts.
 const LAUNCHER: &str = include_str!("launcher.py");
 
 /// Minimum time between two setpoints sent by radio, s.
 const MIN_INTERVAL_S: f64 = 0.02;
-/// Maximum distance between setpoints of which one is redundant, m.
+/// Maximum distance at which one of two setpoints is redundant, m.
 const SAME_M: f64 = 2e-5;
 /// Duration of the flight after the last light command, s.
 pub(super) const AFTERGLOW_S: f64 = 0.2;
 /// Number of the Kalman filter in `stabilizer.estimator` (firmware `estimator.h`).
 pub(super) const KALMAN_ESTIMATOR: u32 = 2;
-/// Last byte of the radio address of a drone as sold.
+/// Last byte of a drone's factory radio address.
 const FACTORY_ADDRESS: usize = 0xE7;
 /// Tolerance for rounded times, s.
 const TIME_ROUNDING_S: f64 = 1e-6;
@@ -56,11 +56,11 @@ settings! {
     }
 }
 
-/// Returns the script for one drone, counted from 0. `first_start_s` is the time, by the plans'
+/// Returns the script for the drone with index `drone`. `first_start_s` is the time, by the plans'
 /// clock, at which the first of all drones starts its trajectory.
 pub(super) fn script(job: &Job<'_>, drone: usize, first_start_s: f64) -> Result<String> {
     let data = script_data(job, drone, first_start_s)?;
-    // A JSON text that is encoded as a JSON string is also a Python string literal.
+    // JSON text encoded as a JSON string is also a valid Python string literal.
     let literal = serde_json::to_string(&ascii(&data)).expect("text is serializable");
     let script = SCRIPT.replace("@LOG@", &python(&BLOCKS));
     let script = script.replace("@OPTIONAL@", &python(&OBSERVER_BLOCKS));
@@ -90,10 +90,10 @@ fn script_data(job: &Job<'_>, drone: usize, first_start_s: f64) -> Result<Value>
     }
     let start_m = plan.setpoints[0].position_m;
     let heights = plan.setpoints.iter().map(|setpoint| setpoint.position_m.z);
-    // By the digest of the file that `noctograph plan` writes, a log finds its plan.
+    // A log is matched to its plan by the digest of the file that `noctograph plan` writes.
     let mut csv = Vec::new();
     plan.write_csv(&mut csv).expect("memory takes it");
-    // The script resets the lamps when the shutter is closed.
+    // The script resets the lamps once the shutter is closed.
     let lamps = preparation(plan, job.light)?;
     let lamp_names: Vec<String> = lamps.iter().map(|(name, _)| name.clone()).collect();
     let mut parameters = vec![("stabilizer.estimator".to_owned(), KALMAN_ESTIMATOR)];
@@ -129,15 +129,15 @@ fn script_data(job: &Job<'_>, drone: usize, first_start_s: f64) -> Result<Value>
     }))
 }
 
-/// Returns the radio address of a drone: the factory's address for a single drone, otherwise an
-/// address with the drone's number.
+/// Returns the radio address of a drone: the factory address for a single drone, otherwise an
+/// address that ends with the drone's number.
 fn uri(job: &Job<'_>, drone: usize) -> String {
     let last_byte = if job.plans.len() > 1 { drone + 1 } else { FACTORY_ADDRESS };
     format!("radio://0/80/2M/E7E7E7E7{last_byte:02X}")
 }
 
-/// Returns the script's data for a flight on board. If the drone cannot fly it, the data contains
-/// no bytes, and the error is returned as well.
+/// Returns the script's data for an onboard flight. If the drone cannot fly it, the data contain no
+/// bytes, and the error is also returned.
 fn trajectory_data(
     job: &Job<'_>,
     drone: usize,
@@ -156,7 +156,7 @@ fn trajectory_data(
         Ok(bytes) => (bytes, None),
         Err(error) => (Vec::new(), Some(error)),
     };
-    // The bytes of a refused flight are empty, so that it contains no heading to turn to.
+    // A refused flight has no bytes, and therefore contains no heading to turn to.
     let data = json!({
         "hex": bytes.iter().map(|byte| format!("{byte:02x}")).collect::<String>(),
         "start_bytes": START_BYTES,
@@ -170,7 +170,7 @@ fn trajectory_data(
 }
 
 /// Returns the ring's timing memory and the light changes that it plays. Returns `None` if another
-/// lamp is lit or if the memory is too small.
+/// lamp is lit, or if the memory is too small.
 fn timing_data(plan: &Plan, lights: &[Command]) -> Option<Value> {
     let timing = timing(plan, lights).filter(|t| t.entries.len() <= RING_TIMING_ENTRIES)?;
     let entries = timing.entries.iter().map(|(units, [r, g, b])| json!([units, r, g, b]));
@@ -178,8 +178,8 @@ fn timing_data(plan: &Plan, lights: &[Command]) -> Option<Value> {
     Some(json!({ "entries": Vec::from_iter(entries), "changes": Vec::from_iter(changes) }))
 }
 
-/// Returns the trajectory of a drone's letters for its memory. Refuses a plan made for another
-/// clock, and a flight that is not safe.
+/// Returns the trajectory of a drone's letters for its memory. Returns an error for a plan made for
+/// a different clock, and for an unsafe flight.
 fn trajectory(job: &Job<'_>, drone: usize) -> Result<Compressed> {
     if job.trajectory_clock != 1.0 {
         let wanted = "1 for a trajectory on board";
@@ -200,14 +200,14 @@ fn command_rows(commands: &[Command]) -> Vec<Value> {
     commands.iter().map(|c| json!([c.time_s, c.parameter, c.value, c.channel, c.level])).collect()
 }
 
-/// Returns the limits of [`safety`] by which the script judges a drone.
+/// Returns the limits of [`safety`] that the script applies to a drone.
 fn limits(job: &Job<'_>, drone: usize) -> Value {
     let checks = job.checks;
     let platform = checks.platform;
     let variance_m2 = safety::variance_m2(checks.positioning);
     let battery = checks.batteries.get(drone).copied().flatten();
     let rest_v = battery.map_or(Some(safety::REST_V), |battery| battery.least_rest_v);
-    // The fence is outside the checked volume, and its corners are in whole micrometers.
+    // The fence encloses the checked volume, and its corners are rounded to whole micrometers.
     let [low_m, high_m] = checks.volume_m;
     let fence_m = [low_m.map(|m| m - safety::FENCE_M), high_m.map(|m| m + safety::FENCE_M)]
         .map(|corner_m| corner_m.map(|m| (1e6 * m).round() / 1e6));
@@ -235,9 +235,9 @@ fn limits(job: &Job<'_>, drone: usize) -> Value {
     })
 }
 
-/// Returns the decks that a flight needs. Each has a name, and the parameters of the group `deck`
-/// of which one is 1 if the deck is attached (firmware `lighthouse.c`, `locodeck.c`, `gtgps.c`,
-/// `ledring12.c`, `color_led_deck.c`).
+/// Returns the decks that a flight requires. Each has a name, and the parameters of the group
+/// `deck` of which one is 1 if the deck is attached (firmware `lighthouse.c`, `locodeck.c`,
+/// `gtgps.c`, `ledring12.c`, `color_led_deck.c`).
 fn decks(plan: &Plan, positioning: Positioning) -> Vec<(&'static str, Vec<&'static str>)> {
     let positioning_parameters = match positioning {
         Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => {
@@ -246,7 +246,7 @@ fn decks(plan: &Plan, positioning: Positioning) -> Vec<(&'static str, Vec<&'stat
         Positioning::UwbTwr | Positioning::UwbTdoa => vec!["bcLoco", "bcDWM1000"],
         Positioning::Gnss => vec!["bcGTGPS"],
     };
-    // A lamp deck is listed once, although it may have several channels.
+    // A lamp deck is listed only once, even with several channels.
     let mut decks = vec![("positioning", positioning_parameters)];
     for channel in plan.lamps().filter_map(|(name, _)| Channel::named(name)) {
         let (name, parameters) = channel.deck;
@@ -258,7 +258,7 @@ fn decks(plan: &Plan, positioning: Positioning) -> Vec<(&'static str, Vec<&'stat
 }
 
 /// Returns the corners of the rectangle around all letters, counterclockwise from the lower left.
-/// Empty if the plans have no letters. All letters are in one plane of constant y.
+/// The list is empty if the plans have no letters. All letters are in one plane of constant y.
 fn corners_m(plans: &[Plan]) -> Vec<[f64; 3]> {
     let setpoints = plans.iter().flat_map(|plan| &plan.setpoints);
     let mut written = setpoints.filter(|setpoint| setpoint.letter.is_some()).peekable();
@@ -267,7 +267,7 @@ fn corners_m(plans: &[Plan]) -> Vec<[f64; 3]> {
     [[left, low], [right, low], [right, high], [left, high]].map(|[x, z]| [x, y, z]).into()
 }
 
-/// Returns the number of a controller in the firmware (`controller.h`), or `None` if it lacks it.
+/// Returns a controller's number in the firmware (`controller.h`), or `None` if it lacks it.
 pub(super) fn firmware_controller(kind: ControllerKind) -> Option<u32> {
     match kind.law() {
         Law::Cascade => Some(1),
@@ -276,7 +276,7 @@ pub(super) fn firmware_controller(kind: ControllerKind) -> Option<u32> {
     }
 }
 
-/// Returns the time in the plan at which all letters are flown and all lights are off, s.
+/// Returns the time in the plan, s, after which all letters have been flown and all lights are off.
 fn end_s(plan: &Plan, stretch: &Stretch, lights: &[Command]) -> f64 {
     let letters_s = stretch.start_s() + stretch.duration_s();
     let dark_s = lights.last().map_or(0.0, |command| command.time_s + AFTERGLOW_S);
@@ -291,16 +291,16 @@ pub(super) fn fits_the_radio(plan: &Plan) -> bool {
 }
 
 /// Returns true if setpoint `to` is redundant after `from`, because it sends the same position, or
-/// because its position is on the path that `from` begins.
+/// because its position is on the path that starts at `from`.
 fn continues(plan: &Plan, from: usize, to: usize) -> bool {
     let (a, b) = (&plan.setpoints[from], &plan.setpoints[to]);
     let sends_same = (plan.sent_m(from) - plan.sent_m(to)).norm() < SAME_M;
     sends_same || (a.design_m(b.time_s) - b.position_m).norm() < SAME_M
 }
 
-/// Returns the setpoints to send in the air until `end_s`, each as `[time, position sent, velocity,
-/// acceleration]`. Omits redundant setpoints that follow another one sooner than
-/// [`MIN_INTERVAL_S`], and refuses other setpoints that do.
+/// Returns the airborne setpoints to send until `end_s`, each as `[time, position sent, velocity,
+/// acceleration]`. Setpoints less than [`MIN_INTERVAL_S`] after another one are omitted if
+/// redundant. Otherwise they are an error.
 fn setpoints(plan: &Plan, end_s: f64) -> Result<Vec<Value>> {
     let mut kept: Vec<usize> = Vec::new();
     for (row, setpoint) in plan.setpoints.iter().enumerate() {
@@ -351,7 +351,7 @@ mod tests {
     use noctograph_sim::SimOptions;
     use noctograph_sim::sensors::Positioning;
 
-    /// Returns the script of NO under a word, and the data in it.
+    /// Returns the script for NO, named after a given word, and the data in it.
     fn exported(word: &str, checks: &Checks) -> (String, Plan, Value) {
         exported_with(word, checks, &PlanOptions::even(), &LightOptions::default())
     }
@@ -462,7 +462,7 @@ mod tests {
         let letters: String = letters.iter().map(|byte| format!("{byte:02x}")).collect();
         let (before, after) = hex.split_once(&letters[16..letters.len() - 6]).unwrap();
         assert_eq!((before.len() / 2, &after[after.len() - 10..]), (59, "1000000000"));
-        // In `exported` another drone begins at 0 s of the plan's time, so that this drone waits.
+        // In `exported` another drone starts at 0 s of the plan's time, so this drone has to wait.
         assert_eq!(trajectory["start_s"], -7.0);
         // The hover lasts until 3 s after the script's landing.
         let stretch = Stretch::new(&plan).unwrap();
@@ -496,7 +496,7 @@ mod tests {
             let rows = setpoints(&plan, 9.0)?;
             Ok(rows.iter().map(|row| row[0].as_f64().unwrap()).collect())
         }
-        // The setpoints go straight at 1 m/s, turn at 1.01 s, and go straight again.
+        // The setpoints follow a straight line at 1 m/s, turn at 1.01 s, and continue straight.
         let [a, b, c] =
             [setpoint(0.5, 0.5, 1.0), setpoint(1.0, 1.0, 1.0), setpoint(1.01, 1.01, -1.0)];
         let d = setpoint(1.5, 0.52, -1.0);
@@ -598,8 +598,8 @@ mod tests {
             first["start_m"],
             json!([one.setpoints[0].position_m.x, one.setpoints[0].position_m.y])
         );
-        // The flight is unsafe as a trajectory, which must not be requested. A plan for a slow
-        // clock must not be requested as a trajectory either.
+        // The flight is unsafe as a trajectory, which must therefore be refused. A plan for a slow
+        // clock must be refused as a trajectory, too.
         let refused = |data: &Value| data["refused"]["trajectory"].as_str().unwrap().to_owned();
         assert!(refused(&first).contains("not safe") && first["trajectory"]["hex"] == "");
         let slow =

@@ -1,9 +1,9 @@
-//! Compressed trajectory of the Crazyflie: Bézier curves with whole millimeters and milliseconds.
+//! Compressed trajectory of the Crazyflie: Bézier curves in whole millimeters and milliseconds.
 //!
-//! Values are rounded to the nearest, and durations are differences of rounded times, so that
-//! neither positions nor times drift. (cflib's `CompressedSegment` truncates both, so that the same
-//! NOOR is off by 6 mm and ends 16 ms early.) A piece is the cubic through position and velocity of
-//! the design at both ends.
+//! Values are rounded to the nearest integer, and durations are differences of rounded times, so
+//! that neither positions nor times drift. (cflib's `CompressedSegment` truncates both, which
+//! displaces the same NOOR by 6 mm and ends it 16 ms early.) A piece is the cubic through the
+//! design's position and velocity at both ends.
 //!
 //! Format (firmware `src/modules/src/pptraj_compressed.c`, little-endian): the start as four int16
 //! (x, y, z in mm, yaw in 0.1°), the pieces, and three zero bytes. A piece consists of a byte with
@@ -21,15 +21,15 @@ use noctograph_core::crazyflie::{Feature, Release, TRAJECTORY_MEMORY_BYTES};
 use noctograph_core::error::{Error, Result};
 use noctograph_plan::Plan;
 
-/// Maximum duration of a piece: the largest uint16, in s.
+/// Maximum duration of a piece, s: the largest uint16 in ms.
 const MAX_PIECE_S: f64 = 65.535;
-/// Maximum coordinate: the largest int16, in m.
+/// Maximum coordinate, m: the largest int16 in mm.
 const MAX_COORDINATE_M: f64 = 32.767;
-/// Maximum error of an axis that is stored as a constant, m.
+/// Maximum error of an axis stored as a constant, m.
 const CONSTANT_M: f64 = 0.0005;
-/// Maximum error of an axis that is stored as a line, m.
+/// Maximum error of an axis stored as a line, m.
 const LINEAR_M: f64 = 0.0008;
-/// Number of bytes of the position and the heading with which a trajectory begins.
+/// Number of bytes at the start of a trajectory, for its position and heading.
 const START_SIZE: usize = 8;
 /// Number of bytes of a piece that is cubic on three axes.
 const MAX_PIECE_BYTES: usize = 3 + 3 * 6;
@@ -38,15 +38,15 @@ const MAX_PIECE_BYTES: usize = 3 + 3 * 6;
 const END: [u8; 3] = [0; 3];
 
 /// Bytes at the end of a trajectory without a goal: a line along z of zero duration, which makes
-/// the firmware divide by zero. The commander then gives no more setpoints
+/// the firmware divide by zero. The commander then outputs no more setpoints
 /// (`crtp_commander_high_level.c`, "invalid eval"), and the watchdog stops the motors 2 s later.
-/// With [`END`] the drone would hover forever. Releases since 2023.11 behave in this way.
+/// With [`END`] the drone would hover forever. This applies to releases since 2023.11.
 const END_WITHOUT_GOAL: [u8; 5] = [1 << 4, 0, 0, 0, 0];
 
-/// Offsets of the take-off position in the bytes of a flight, for x and for y.
+/// Offsets of the take-off position within a flight's bytes, for x and for y.
 pub(super) const START_BYTES: [[usize; 4]; 2] = [[0, 28, 30, 32], [2, 42, 44, 46]];
 
-/// Offsets of the heading in the bytes of a flight.
+/// Offsets of the heading within a flight's bytes.
 pub(super) const YAW_BYTES: std::ops::Range<usize> = 6..8;
 
 /// A trajectory of at least one piece, as the drone stores it.
@@ -59,22 +59,22 @@ pub struct Compressed {
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Piece {
-    /// First control point, which is the end of the previous piece, mm.
+    /// First control point, equal to the end of the previous piece, mm.
     pub(super) start_mm: [i16; 3],
     pub(super) duration_ms: u16,
-    /// Control points of each axis after the first one, mm: none for a constant, the end for a
-    /// line, three for a cubic.
+    /// Control points of each axis after the first one, mm: none, one for a line, or three for a
+    /// cubic.
     pub(super) axes: [Vec<i16>; 3],
 }
 
 impl Compressed {
-    /// Encodes the letters of a plan for a release, within `tolerance_m` of its design.
+    /// Encodes the letters of a plan for a release, to within `tolerance_m` of its design.
     ///
     /// # Errors
     ///
     /// Returns [`Error::Input`] for a plan without letters, and for a heading that the release
-    /// misreads. Returns [`Error::Infeasible`] for a plan beyond ±32.767 m, with setpoints more
-    /// than 65.535 s apart, or longer than the memory.
+    /// misreads. Returns [`Error::Infeasible`] for a plan that extends beyond ±32.767 m, has
+    /// setpoints more than 65.535 s apart, or does not fit in the memory.
     pub fn encode(release: Release, plan: &Plan, tolerance_m: f64) -> Result<Self> {
         check_heading(release, plan.yaw_rad)?;
         let stretch = Stretch::new(plan)?;
@@ -83,7 +83,7 @@ impl Compressed {
         if bytes <= TRAJECTORY_MEMORY_BYTES {
             return Ok(trajectory);
         }
-        // The error names the letters that fit, if one more piece for the run-out follows them.
+        // The error states the number of letters that fit together with a piece for the run-out.
         let (mut used, mut until_s) = (START_SIZE + END.len() + MAX_PIECE_BYTES, 0.0);
         for piece in &trajectory.pieces {
             used += piece.n_bytes();
@@ -101,8 +101,8 @@ impl Compressed {
         Err(stretch.too_long(until_s, &needs, hint))
     }
 
-    /// Encodes a stretch within `tolerance_m` of its design, for a memory of any size. Refuses a
-    /// stretch that exceeds the numbers of the format.
+    /// Encodes a stretch to within `tolerance_m` of its design, for a memory of any size. Returns
+    /// an error for a stretch that exceeds the numeric range of the format.
     pub(super) fn of_any_length(stretch: &Stretch, tolerance_m: f64) -> Result<Self> {
         check_range(stretch)?;
         let start_mm = millimeters(&stretch.setpoints[0].position_m);
@@ -119,8 +119,8 @@ impl Compressed {
         let mut bytes = start_mm.map(i16::to_le_bytes).concat();
         bytes.extend(self.yaw.to_le_bytes());
         for piece in &self.pieces {
-            // Two bits encode each axis: 0, 1 or 3 further control points have the codes 0, 1
-            // and 2.
+            // Each axis takes two bits: 0, 1 and 3 further control points have codes 0, 1 and 2,
+            // respectively.
             let [x, y, z] = piece.axes.each_ref().map(|points_mm| [0, 1, 1, 2][points_mm.len()]);
             bytes.push(x | y << 2 | z << 4);
             bytes.extend(piece.duration_ms.to_le_bytes());
@@ -132,10 +132,10 @@ impl Compressed {
     }
 
     /// Returns the bytes of a flight from take-off to landing, after which the firmware stops the
-    /// motors. The script lands `over_s` after the end of the trajectory. Refuses a flight that
-    /// exceeds the memory.
+    /// motors. The script lands `over_s` after the end of the trajectory. Returns an error for a
+    /// flight that exceeds the memory.
     pub(super) fn flight(&self, timeline: &Timeline, over_s: f64) -> Result<Vec<u8>> {
-        // The bytes are take-off and path, the letters without start and end, hover and landing.
+        // The bytes are take-off and path, letters without start and end bytes, hover and landing.
         let mut bytes = millimeters(&timeline.before[0].position_m).map(i16::to_le_bytes).concat();
         bytes.extend(self.yaw.to_le_bytes());
         timeline.segments_before().iter().for_each(|segment| add_segment(&mut bytes, segment));
@@ -156,7 +156,7 @@ impl Compressed {
         Ok(bytes)
     }
 
-    /// Returns the duration, which is a whole number of milliseconds, in s.
+    /// Returns the duration in s, which is a whole number of milliseconds.
     pub fn duration_s(&self) -> f64 {
         self.polynomials().iter().map(|piece| piece.duration_s).sum()
     }
@@ -178,7 +178,7 @@ impl Compressed {
     }
 }
 
-/// Returns an axis's four control points as a cubic, mm. The points of a line are evenly spaced.
+/// Returns an axis's four control points as a cubic, mm. Those of a line are evenly spaced.
 fn control_mm(start_mm: i16, points_mm: &[i16]) -> [f64; 4] {
     let [a, d] = [start_mm, *points_mm.last().unwrap_or(&start_mm)].map(f64::from);
     match points_mm {
@@ -197,7 +197,7 @@ fn polynomial(start_mm: i16, points_mm: &[i16], duration_s: f64) -> [f64; 8] {
 }
 
 impl Piece {
-    /// Returns the number of bytes of the piece on board.
+    /// Returns the number of bytes that the piece occupies on board.
     fn n_bytes(&self) -> usize {
         3 + 2 * self.axes.iter().map(Vec::len).sum::<usize>()
     }
@@ -264,7 +264,7 @@ fn piece(
 }
 
 /// Moves the inner control points `b` and `c` of a cubic by at most a millimeter each, to minimize
-/// the acceleration at its ends. Returns them with the end.
+/// the acceleration at its ends. Returns both points and the end.
 fn gentlest(start_mm: i16, [b, c, end_mm]: [i16; 3]) -> [i16; 3] {
     let [near_b, near_c] = [b, c].map(|mm| [mm, mm.saturating_sub(1), mm.saturating_add(1)]);
     let cubics = near_b.into_iter().flat_map(|b| near_c.map(|c| [b, c, end_mm]));
@@ -276,7 +276,7 @@ fn gentlest(start_mm: i16, [b, c, end_mm]: [i16; 3]) -> [i16; 3] {
     gentlest.expect("nine cubics")
 }
 
-/// Refuses setpoints that are too far apart in time, or coordinates beyond the format's range.
+/// Returns an error if setpoints are too far apart in time, or coordinates are out of range.
 fn check_range(stretch: &Stretch) -> Result<()> {
     for (index, setpoint) in stretch.setpoints.iter().enumerate() {
         let step_s = stretch.time_s(index) - stretch.time_s(index.saturating_sub(1));
@@ -305,13 +305,12 @@ fn tenths_of_degrees(yaw_rad: f64) -> i16 {
     (10.0 * yaw_rad.to_degrees()).round() as i16
 }
 
-/// Returns true if a release flies the heading of a compressed trajectory. Older releases only fly
-/// a heading of 0.
+/// Returns true if a release flies a compressed trajectory's heading. Older releases only fly 0.
 pub(super) fn flies_heading(release: Release, yaw_rad: f64) -> bool {
     release.has(&Feature::HEADING) || tenths_of_degrees(yaw_rad) == 0
 }
 
-/// Refuses a heading that a release misreads ([`Feature::HEADING`]).
+/// Returns an error for a heading that a release misreads ([`Feature::HEADING`]).
 fn check_heading(release: Release, yaw_rad: f64) -> Result<()> {
     if flies_heading(release, yaw_rad) {
         return Ok(());
@@ -333,9 +332,9 @@ fn check_heading(release: Release, yaw_rad: f64) -> Result<()> {
     Err(Error::input("vehicle.firmware", actual, wanted, hint))
 }
 
-/// Appends the bytes of a segment from rest to rest. An axis that moves is of degree 7, with four
-/// control points at its start and four at its end. A long hover becomes several pieces. A segment
-/// of 0 ms is omitted, because a duration of 0 ends a trajectory.
+/// Appends the bytes of a segment from rest to rest. A moving axis has degree 7, with four control
+/// points at its start and four at its end. A long hover is split into several pieces. A segment of
+/// 0 ms is omitted, because a duration of 0 ends a trajectory.
 fn add_segment(bytes: &mut Vec<u8>, segment: &Segment) {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it saturates")]
     let mut remaining_ms = (1e3 * segment.duration_s).round() as u32;
@@ -354,7 +353,7 @@ fn add_segment(bytes: &mut Vec<u8>, segment: &Segment) {
     }
 }
 
-/// Returns a position in whole millimeters.
+/// Returns a position rounded to whole millimeters.
 fn millimeters(position_m: &Vector3<f64>) -> [i16; 3] {
     [0, 1, 2].map(|axis| round_mm(position_m[axis]))
 }
@@ -473,7 +472,7 @@ mod tests {
         assert!((trajectory.duration_s() - 2.0).abs() < 1e-12);
     }
 
-    /// Returns the plan of a drone that takes off at (0.2, 0.3) m, and then writes for 1 s.
+    /// Returns the plan of a drone that takes off at (0.2, 0.3) m and then writes for 1 s.
     fn beside() -> Plan {
         let setpoint = |time_s, position_m: [f64; 3], vx, letter| Setpoint {
             time_s,
@@ -491,7 +490,7 @@ mod tests {
         Plan::made(PlanData { setpoints, ..PlanData::default() })
     }
 
-    /// Returns the flight of [`beside`] for a drone that waits for a time before it writes.
+    /// Returns the flight of [`beside`] for a drone that waits for the given time before it writes.
     fn flight_of_beside(waits_s: f64) -> (Timeline, Vec<u8>) {
         let (plan, stretch) = (beside(), Stretch::new(&beside()).unwrap());
         let trajectory = Compressed::encode(Release::MODELED, &plan, 0.0001).unwrap();

@@ -1,11 +1,11 @@
 //! Exports to Crazyswarm2: a CSV file for each drone, `crazyflies.yaml` and a Python script.
 //!
-//! The CSV is that of `uav_trajectories` ([`super::poly4d`]). The server uploads it to the drone's
-//! memory with an offset in pieces. The script uses Crazyswarm2's Python interface
-//! (`crazyflie_py`): `uploadTrajectory`, `startTrajectory`, `setParam`, `land`. The script judges
-//! the drones by the facts of the check ([`super::safety`]), through the topics that
+//! The CSV has the format of `uav_trajectories` ([`super::poly4d`]). The server uploads it to the
+//! drone's memory at an offset counted in pieces. The script uses Crazyswarm2's Python interface
+//! (`crazyflie_py`): `uploadTrajectory`, `startTrajectory`, `setParam`, `land`. The script checks
+//! the drones against the limits of the check ([`super::safety`]), through the topics that
 //! `crazyflies.yaml` requests from the server: pose, status and a custom one. By default the server
-//! reads no parameter values, so that the operator is asked for decks and the firmware's release.
+//! reads no parameter values, so the operator is asked for the decks and the firmware's release.
 
 use serde_json::json;
 
@@ -26,14 +26,14 @@ use noctograph_plan::Plan;
 /// Template of the script, with `@DATA@` for the checks and the drones' data.
 const SCRIPT: &str = include_str!("crazyswarm.py");
 
-/// Variables of the script's custom topic, in its order, which take 24 of the 26 bytes of a block.
+/// Variables in the script's custom topic, in its order. They take 24 of the 26 bytes in a block.
 const LOGGED: &str = "\"kalman.varPX\", \"kalman.varPY\", \"kalman.varPZ\", \
                       \"stateEstimate.roll\", \"stateEstimate.pitch\", \"stateEstimate.yaw\"";
 
-/// Returns all files for Crazyswarm2. Refuses drones and controllers that it cannot fly.
+/// Returns all files for Crazyswarm2, or an error for a drone or controller it cannot fly.
 pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
     let (controller, platform) = firmware(job)?;
-    // Each drone gets a trajectory and an entry. All trajectories start together.
+    // Each drone has a trajectory and an entry. All trajectories start together.
     let first_start_s = earliest_s(job.plans)?;
     let mut files = per_drone(job, "csv", |drone, plan| {
         let stretch = Stretch::new(plan)?;
@@ -74,11 +74,12 @@ pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
     Ok(files)
 }
 
-/// Returns the firmware's number of the scene's controller, and the kind of drone. Refuses
-/// controllers and drones that the firmware does not support, and a plan for another clock.
+/// Returns the firmware's number for the scene's controller, and the kind of drone. Returns an
+/// error for controllers and drones that the firmware does not support, and for a plan made for a
+/// different clock.
 fn firmware(job: &Job<'_>) -> Result<(u32, Platform)> {
     let (kind, clock) = (job.sim.controller.kind, job.trajectory_clock);
-    // Lamps are timed for a flight under the scene's controller, so that no other one may fly it.
+    // Lamps are timed under the scene's controller, so no other controller may be used.
     let Some(controller) = firmware_controller(kind) else {
         let wanted = "pid or geometric (Lee's): controllers that the drone's firmware has";
         let hint = "choose one of these, or fly your own controller with the script for cflib";
@@ -96,15 +97,15 @@ fn firmware(job: &Job<'_>) -> Result<(u32, Platform)> {
     Ok((controller, platform))
 }
 
-/// Returns the time, by the plan's clock, at which a drone lands after all letters are flown and
-/// all lamps are off, s.
+/// Returns the time, by the plan's clock, at which a drone lands after all letters have been flown
+/// and all lamps are off, s.
 fn end_s(job: &Job<'_>, drone: usize, stretch: &Stretch) -> Result<f64> {
     let dark_s = job.trajectory_lights(drone)?.last().map_or(0.0, |last| last.time_s);
     Ok(dark_s.max(stretch.start_s() + stretch.duration_s()) + AFTERGLOW_S)
 }
 
-/// Returns the entry of a drone in the JSON that the script reads: parameters to set before and
-/// after the reset of the estimator, light commands, and commands that turn all lamps off.
+/// Returns a drone's entry in the JSON that the script reads: parameters to set before and after
+/// the estimator's reset, light commands, and commands that turn all lamps off.
 fn entry(
     job: &Job<'_>,
     index: usize,
@@ -149,7 +150,7 @@ fn yaml(job: &Job<'_>, controller: u32, platform: Platform) -> String {
         Platform::Crazyflie2 => "cf21",
         Platform::Brushless => "cf21bl",
     };
-    // The entries of the robots are followed by their type, and by what applies to all of them.
+    // The robots' entries are followed by their type and by the settings that apply to all of them.
     let mut text = "fileversion: 3\nrobots:\n".to_owned();
     for (drone, plan) in job.plans.iter().enumerate() {
         let start_m = plan.setpoints[0].position_m;

@@ -1,12 +1,12 @@
-//! Exports the gains of a scene's controller for the firmware, as parameters or as a table in C.
+//! Exports a scene's controller gains for the firmware, as parameters or as a table in C.
 //!
-//! - `geometric`: parameters of two controllers that are the same for small angles. `ctrlLee.*`
+//! - `geometric`: parameters for two controllers that are equivalent at small angles. `ctrlLee.*`
 //!   (firmware `controller_lee.c`) uses torques (N m per rad) in place of the scene's angular
 //!   accelerations. `ctrlMel.*` (`controller_mellinger.c`) uses forces (N per m) and, for the
 //!   attitude, motor commands per twice the sine of the error. Mellinger's gain for the derivative
 //!   of the body rate, which the scene lacks, is 0.
 //! - `pid`: the gains of the firmware's cascade (`posCtlPid`, `velCtlPid`, `pid_attitude`,
-//!   `pid_rate`), which the scene flies.
+//!   `pid_rate`), which the scene uses.
 //! - `lqr` and its variants: the matrix as a C header for a custom controller, such as that of the
 //!   AE483 course.
 
@@ -20,8 +20,7 @@ use noctograph_sim::{Law, SimOptions};
 
 type Parameters = Vec<(String, f64)>;
 
-/// Returns the firmware parameters of the scene's controller. Empty if the firmware lacks this
-/// controller.
+/// Returns the firmware parameters for the scene's controller. Empty if the firmware lacks it.
 pub(super) fn parameters(sim: &SimOptions) -> Parameters {
     match sim.controller.kind.law() {
         Law::Geometric => lee(sim),
@@ -51,8 +50,8 @@ fn lee(sim: &SimOptions) -> Parameters {
     parameters
 }
 
-/// Returns the parameters of the firmware's Mellinger controller with the same stiffness and
-/// damping as the scene's geometric controller.
+/// Returns the parameters of the firmware's Mellinger controller with the stiffness and damping of
+/// the scene's geometric controller.
 fn mellinger(sim: &SimOptions) -> Parameters {
     let (k, vehicle) = (&sim.controller.geometric, &sim.vehicle);
     let mass_kg = vehicle.mass_kg;
@@ -62,9 +61,8 @@ fn mellinger(sim: &SimOptions) -> Parameters {
         gains.push(("kd", axis, mass_kg * k.k_velocity));
         gains.push(("ki", axis, mass_kg * k.k_position_integral));
     }
-    // `roll` and `yaw` are commands per unit torque: half of a roll command goes to each of the
-    // four motors at its lever arm, and all of a yaw command to each
-    // (`power_distribution_quadrotor.c`).
+    // `roll` and `yaw` are commands per unit torque. Each of the four motors, at its lever arm,
+    // receives half of a roll command, or all of a yaw command (`power_distribution_quadrotor.c`).
     let command = vehicle.motor_max / 65_535.0;
     let roll = 1.0 / (2.0 * vehicle.arm_m * vehicle.k_f_n * command);
     let yaw = 1.0 / (4.0 * vehicle.k_m_n_m * command);
@@ -78,7 +76,7 @@ fn mellinger(sim: &SimOptions) -> Parameters {
     }
     gains.push(("kd_omega_rp", "", 0.0));
     gains.push(("mass", "", mass_kg));
-    // A thrust command goes to all four motors.
+    // Each of the four motors receives the whole thrust command.
     gains.push(("massThrust", "", 1.0 / (4.0 * vehicle.k_f_n * command)));
     gains.into_iter().map(|(name, axis, gain)| (format!("ctrlMel.{name}{axis}"), gain)).collect()
 }
@@ -107,14 +105,12 @@ fn object(parameters: Parameters) -> Map<String, serde_json::Value> {
     parameters.into_iter().map(|(name, gain)| (name, json!(gain))).collect()
 }
 
-/// Returns `gains.json` with parameters, or `gains.h` for a state feedback. Refuses other
-/// controllers.
+/// Returns `gains.json` with parameters, or `gains.h` for state feedback, or else an error.
 pub(super) fn files(sim: &SimOptions) -> Result<Vec<File>> {
     let kind = sim.controller.kind;
     let json = match kind.law() {
         Law::Geometric => json!({
-            // `stabilizer.controller` is the number of a controller in the firmware
-            // (`controller.h`).
+            // `stabilizer.controller` is a controller's number in the firmware (`controller.h`).
             "lee": { "stabilizer.controller": 5, "parameters": object(lee(sim)) },
             "mellinger": { "stabilizer.controller": 2, "parameters": object(mellinger(sim)) },
         }),
@@ -134,7 +130,7 @@ pub(super) fn files(sim: &SimOptions) -> Result<Vec<File>> {
     Ok(vec![File::new("gains.json", format!("{json:#}\n"))])
 }
 
-/// Returns a C header with the gain matrices of the regulator and its observer.
+/// Returns a C header with the gain matrices of the regulator and the observer.
 fn header(design: &Design, sim: &SimOptions) -> String {
     let k = design.k.as_ref().expect("a regulator has a gain");
     format!(
@@ -193,7 +189,7 @@ mod tests {
         let vehicle = &sim.vehicle;
         let force = mellinger["ctrlMel.kp_z"] * 0.01;
         assert!((force - lee["ctrlLee.mass"] * lee["ctrlLee.Kpos_Pz"] * 0.01).abs() < 1e-12);
-        // The expected value is the motors' torque, commanded for an error of 0.1 rad.
+        // The expected value is the motor torque commanded for an error of 0.1 rad.
         let error = 2.0 * libm::sin(0.1);
         let roll = mellinger["ctrlMel.kR_xy"] * error;
         let torque = 4.0 * (command * roll / 2.0) * vehicle.k_f_n * vehicle.arm_m;
@@ -201,7 +197,7 @@ mod tests {
         assert!((torque / want - 1.0).abs() < 1e-12, "{torque} N m instead of {want} N m");
         let torque = 4.0 * command * mellinger["ctrlMel.kw_z"] * vehicle.k_m_n_m;
         assert!((torque / lee["ctrlLee.Kw_z"] - 1.0).abs() < 1e-12, "{torque} N m s");
-        // The gains are of the size of the firmware's own 70 000, 20 000 and 132 000.
+        // The gains are comparable to the firmware's default values 70 000, 20 000 and 132 000.
         assert!((10_000.0..100_000.0).contains(&(command * mellinger["ctrlMel.kR_xy"])));
         assert!((120_000.0..140_000.0).contains(&(command * mellinger["ctrlMel.massThrust"])));
     }

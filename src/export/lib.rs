@@ -1,12 +1,12 @@
 //! Export: converts plans to files for drones and other programs.
 //!
 //! Products in: [`Plan`]s with the lamps, the controller and the camera of their scene. Product
-//! out: [`File`]s, with one module for each format. Each module uses SI units and radians until it
-//! writes the numbers.
+//! out: [`File`]s. Each format's module uses SI units and radians until it writes the numbers.
 //!
-//! A trajectory on board flies from a run-up before the first letter to a run-out after the last
-//! one. Scripts upload it with take-off, the path to the run-up, and a landing. Other files contain
-//! only the letters. [`flown`] is the plan of such a flight, decoded from what was exported.
+//! An onboard trajectory runs from a run-up before the first letter to a run-out after the last
+//! one. Scripts upload it together with take-off, the path to the run-up, and a landing. Other
+//! files contain only the letters. [`flown`] is such a flight's plan, decoded from the exported
+//! data.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
@@ -66,15 +66,15 @@ settings! {
     }
 }
 
-/// Plans to export, with the scene's options on which the files depend.
+/// Plans to export, and the scene's options that affect the files.
 #[derive(Clone, Copy, Debug)]
 pub struct Job<'a> {
     /// Plans, one for each drone.
     pub plans: &'a [Plan],
-    /// Flights of the exported trajectories ([`flown`]), with the lights timed on them. Empty if
-    /// the format has no trajectory ([`Format::trajectory`]) or if the trajectories do not fit.
+    /// Flights of the exported trajectories ([`flown`]), with lights timed for them. Empty if the
+    /// format has no trajectory ([`Format::trajectory`]) or if the trajectories do not fit.
     pub flown: &'a [Plan],
-    /// Reason not to fly the exported plans, which scripts quote.
+    /// Reason not to fly the exported plans, to be quoted in scripts.
     pub unsafe_because: Option<&'a str>,
     /// The word, for names and titles.
     pub word: &'a str,
@@ -86,11 +86,11 @@ pub struct Job<'a> {
     pub camera: &'a Camera,
     /// Maximum distance of a trajectory from the design, m.
     pub tolerance_m: f64,
-    /// Mode of the script for cflib, if the operator chooses none.
+    /// Mode of the cflib script if the operator chooses none.
     pub mode: Mode,
-    /// Names of other modes that the script must refuse, with the reasons.
+    /// Names of other modes that the script must refuse, with reasons.
     pub refused: &'a [(&'static str, String)],
-    /// Rate of the clock for which the plans were paced (`plan.trajectory_clock`).
+    /// Rate of the clock that paces the plans (`plan.trajectory_clock`).
     pub trajectory_clock: f64,
     /// Facts on which the checks of the flights are based.
     pub checks: &'a Checks,
@@ -98,7 +98,7 @@ pub struct Job<'a> {
 
 impl Format {
     /// Returns the form and the allowed length of the trajectory in this format's files, or `None`
-    /// if they send setpoints or fly no drone.
+    /// if they send setpoints or do not fly a drone.
     pub fn trajectory(self, mode: Mode) -> Option<(Form, Length)> {
         match self {
             Self::Cflib if mode != Mode::Trajectory => None,
@@ -131,15 +131,14 @@ impl Format {
         !matches!(self, Self::Gains | Self::LogConfig)
     }
 
-    /// Returns true if files contain only the letters' trajectory, which begins and ends in the
-    /// air.
+    /// Returns true if files contain only the letters, beginning and ending in the air.
     pub fn stays_in_the_air(self) -> bool {
         matches!(self, Self::Compressed | Self::Poly4d)
     }
 }
 
 impl Job<'_> {
-    /// Returns the number of a drone in file names, counted from 1, or nothing for a single drone.
+    /// Returns a drone's number in file names, counted from 1, or an empty text for a single drone.
     fn number_suffix(&self, drone: usize) -> String {
         if self.plans.len() > 1 { format!("-{}", drone + 1) } else { String::new() }
     }
@@ -156,11 +155,10 @@ impl Job<'_> {
     }
 }
 
-/// Returns JSON text in which all characters outside ASCII are escaped. The operator reads the
-/// script, and a typed word may contain characters that are invisible, or that reverse the line
-/// (U+202E).
+/// Returns JSON text with all non-ASCII characters escaped. The operator reads the script, and a
+/// user's word may contain characters that are invisible or reverse the line (U+202E).
 fn ascii(json: &Value) -> String {
-    // JSON escapes UTF-16 code units, of which a character has one or two.
+    // JSON escapes UTF-16 code units, of which each character has one or two.
     let mut units = [0; 2];
     let mut text = String::new();
     for c in json.to_string().chars() {
@@ -173,8 +171,8 @@ fn ascii(json: &Value) -> String {
     text
 }
 
-/// Inserts the reason not to fly a script as a comment below its first line. Returns the script
-/// unchanged if it is safe to fly.
+/// Inserts the reason not to fly a script as a comment below its first line. If the script is safe
+/// to fly, returns it unchanged.
 fn with_caution(job: &Job<'_>, script: String) -> String {
     let Some(reason) = job.unsafe_because else { return script };
     let (first, rest) = script.split_once('\n').expect("a script has lines");
@@ -238,7 +236,7 @@ pub fn export(format: Format, job: &Job<'_>) -> Result<Vec<File>> {
     }
 }
 
-/// Returns the heights above the floor at which a plan's trajectory of letters begins and ends, m.
+/// Returns the heights above the floor at which a plan's letter trajectory begins and ends, m.
 ///
 /// # Errors
 ///
@@ -248,23 +246,23 @@ pub fn end_heights_m(plan: &Plan) -> Result<[f64; 2]> {
     Ok([0, stretch.last()].map(|index| stretch.setpoints[index].position_m.z))
 }
 
-/// Trajectory memory on board that a plan needs, and the formats that can fly it.
+/// Onboard trajectory memory that a plan requires, and the formats that can fly the plan.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Memory {
     /// Number of bytes as a compressed trajectory, out of [`TRAJECTORY_MEMORY_BYTES`].
     pub bytes: usize,
-    /// True if the release flies the heading of a compressed trajectory.
+    /// True if the release can fly the heading of a compressed trajectory.
     pub flies_heading: bool,
     /// Number of pieces as polynomials, out of [`poly4d::MAX_PIECES`].
     pub pieces: usize,
-    /// Names of the formats that the plan fits. A trajectory must fit the memory on board, and a
-    /// script's setpoints must fit the radio.
+    /// Names of the formats into which the plan fits. A trajectory must fit in the onboard memory,
+    /// and a script's setpoints must fit the radio.
     pub formats: Vec<&'static str>,
-    /// True if the plan fits all formats.
+    /// True if the plan fits into all formats.
     pub fits_all: bool,
 }
 
-/// Returns the trajectory memory that a plan needs, and the formats in which a release flies it.
+/// Returns the trajectory memory that a plan requires, and the formats in which a release flies it.
 ///
 /// # Errors
 ///
@@ -304,7 +302,7 @@ const SPELLED: &str = "ŁL łl ØO øo ĐD đd ıi ßss ẞSS ÆAE æae ŒOE œo
 const MAX_STEM: usize = 32;
 
 /// Returns the file name for a word, without an extension. The name consists of the word's letters
-/// and digits in ASCII, without accents. A word that contains none of them gives `drawing`.
+/// and digits in ASCII, without accents. A word that contains none yields `drawing`.
 pub fn stem(word: &str) -> String {
     // NFKD separates accents from their letters.
     let mut stem = String::new();
@@ -323,8 +321,8 @@ pub fn stem(word: &str) -> String {
     }
 }
 
-/// Returns one file for each drone. `encode` makes its bytes from the drone's index and plan. The
-/// name contains the drone's number if there are several drones.
+/// Returns one file per drone. `encode` returns its bytes for the drone's index and plan. The name
+/// contains the drone's number if there are several drones.
 fn per_drone(
     job: &Job<'_>,
     extension: &str,
@@ -337,8 +335,8 @@ fn per_drone(
     files.collect()
 }
 
-/// Returns the maximum distance of a format's trajectories from the planned paths, m, or `None` if
-/// the format has no trajectories.
+/// Returns the maximum distance between a format's trajectories and the planned paths, m, or `None`
+/// if the format has no trajectories.
 ///
 /// # Errors
 ///

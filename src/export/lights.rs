@@ -1,11 +1,11 @@
 //! Converts lights to commands that set firmware parameters.
 //!
-//! Lamps are controlled by parameters: deck lamps by those of [`CHANNELS`], a custom lamp by the
-//! parameter in its row of the emitter table. The firmware shows a change at its next tick of 50
-//! ms. Plans on the light's clock are sent early by the radio delay plus half a tick.
+//! Lamps are controlled by parameters: deck lamps by those in [`CHANNELS`], a custom lamp by the
+//! parameter in its row of the emitter table. The firmware shows a change at its next 50 ms tick.
+//! Plans on the light's clock are sent early by the radio delay plus half a tick.
 //!
-//! A ring with few changes can play them from its timing memory (`Timing`), by the clock of a
-//! trajectory on board, so that no late packet delays them.
+//! A ring with few changes can play them from its timing memory (`Timing`), by the clock of an
+//! onboard trajectory, so that no late packet delays them.
 
 use nalgebra::Vector3;
 
@@ -23,9 +23,9 @@ const BOARD_DARK: u32 = 128;
 /// Parameter that is 1 if the color LED deck corrects its brightness, as [`COLOR_LED`] sets it.
 const BRIGHTNESS_CORRECTION: &str = "colorLedBot.brightCorr";
 
-/// Number of units of the last, dark entry of a timing memory. 80 ms contain a tick of the ring at
-/// every phase, even on a slow clock. An entry between two ticks is never shown, and the LEDs stay
-/// as they are at the end of the list (`timeMemEffect`, `ledring12.c`).
+/// Duration of the last, dark entry of a timing memory, in units. 80 ms include a tick of the ring
+/// at any phase, even on a slow clock. An entry between two ticks is never shown, and at the end of
+/// the list the LEDs are not changed (`timeMemEffect`, `ledring12.c`).
 const LAST_UNITS: u64 = 2;
 
 /// One light command.
@@ -43,17 +43,17 @@ pub struct Command {
     pub level: f64,
 }
 
-/// The parameter that a light channel of a plan sets.
+/// Parameter that is set by a light channel of a plan.
 struct Target<'a> {
     parameter: &'a str,
     /// Color channels of the deck. Empty for a lamp without colors.
     colors: &'static [&'static str],
-    /// Value at full level: 1 for a pin, any value for a custom lamp.
+    /// Value at full level: 1 for a pin, or an arbitrary value for a custom lamp.
     most: u32,
 }
 
 impl<'a> Target<'a> {
-    /// Finds the parameter of a channel of a deck or a custom lamp. Refuses other channels.
+    /// Finds the parameter for a deck's channel or a custom lamp, or returns an error for others.
     fn new(channel: &str, fixtures: &'a [Fixture]) -> Result<Self> {
         if let Some(Channel { parameter, colors, .. }) = Channel::named(channel) {
             return Ok(Self { parameter, colors, most: 1 });
@@ -82,7 +82,7 @@ impl<'a> Target<'a> {
     }
 }
 
-/// Returns the light channels of a plan that can only be on or off.
+/// Returns a plan's light channels that can only be on or off.
 pub fn switches<'a>(plan: &'a Plan, options: &LightOptions) -> Vec<&'a str> {
     let fixtures = options.fixtures();
     let channels = plan.lamps().map(|(channel, _)| channel.as_str());
@@ -92,9 +92,8 @@ pub fn switches<'a>(plan: &'a Plan, options: &LightOptions) -> Vec<&'a str> {
     }))
 }
 
-/// Returns the color of a lamp at setpoint `row` in white, red, green and blue. The color comes
-/// from the plan's color channels if there are any, and otherwise from the color of the letter. A
-/// ring has no white.
+/// Returns the color of a lamp at setpoint `row` in white, red, green and blue. The color is taken
+/// from the plan's color channels or, if there are none, from the letter. A ring has no white.
 fn color(
     plan: &Plan,
     channel: &str,
@@ -119,12 +118,11 @@ fn byte(level: f64) -> u8 {
     (255.0 * level.clamp(0.0, 1.0)).round() as u8
 }
 
-/// Returns a command for each change of a plan's lights, which are initially dark, in order of
-/// time.
+/// Returns a command for each change of a plan's lights, in order of time, from darkness.
 ///
 /// # Errors
 ///
-/// Returns [`Error::Input`] for a channel that no deck has.
+/// Returns [`Error::Input`] for a channel that belongs to no deck.
 pub fn commands(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
     let mut commands = Vec::new();
     let (letters, fixtures) = (noctograph_plan::light_letters(plan), options.fixtures());
@@ -144,7 +142,7 @@ pub fn commands(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
     Ok(commands)
 }
 
-/// Returns a command for each channel of a plan that makes it dark.
+/// Returns a command for each channel of a plan that switches it off.
 ///
 /// # Errors
 ///
@@ -155,8 +153,8 @@ pub fn dark(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
     targets.map(|(channel, target)| Ok(target?.command(0.0, channel, 0.0, [0; 4]))).collect()
 }
 
-/// Returns the parameters to set before the flight, by which the plan's lamps are ready and dark,
-/// and others are off.
+/// Returns the parameters to set before the flight, after which the plan's lamps are ready but
+/// dark, and other lamps are off.
 pub(crate) fn preparation(plan: &Plan, options: &LightOptions) -> Result<Vec<(String, u32)>> {
     let mut parameters: Vec<(String, u32)> = vec![("led.bitmask".to_owned(), BOARD_DARK)];
     let fixtures = options.fixtures();
@@ -175,7 +173,7 @@ pub(crate) fn preparation(plan: &Plan, options: &LightOptions) -> Result<Vec<(St
         let correction = parameters.iter_mut().find(|(name, _)| name == BRIGHTNESS_CORRECTION);
         correction.into_iter().for_each(|(_, value)| *value = 0);
     }
-    // The custom lamps that the plan lights are followed by those that it does not light.
+    // Custom lamps that the plan lights come first, followed by the others.
     let mut custom = dark(plan, options)?;
     custom.retain(|command| Channel::named(&command.channel).is_none());
     parameters.extend(custom.into_iter().map(|command| (command.parameter, command.value)));
@@ -187,7 +185,7 @@ pub(crate) fn preparation(plan: &Plan, options: &LightOptions) -> Result<Vec<(St
     Ok(parameters)
 }
 
-/// Returns the number of entries that a plan's lights need in the ring's timing memory. Returns
+/// Returns the number of timing memory entries of the ring that a plan's lights require. Returns
 /// `None` if the ring is not the only lamp, is never lit, or is not dark at the end.
 ///
 /// # Errors
@@ -197,12 +195,12 @@ pub fn timing_entries(plan: &Plan, options: &LightOptions) -> Result<Option<usiz
     Ok(timing(plan, &commands(plan, options)?).map(|timing| timing.entries.len()))
 }
 
-/// Lights that the timing memory of a ring plays (`ring.effect` 17), from the first change on.
+/// Lights that a ring plays from its timing memory (`ring.effect` 17), from the first change on.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Timing {
     /// Duration of each entry in units of 40 ms, and its rounded color. The last entry is dark.
     pub(super) entries: Vec<(u8, [u8; 3])>,
-    /// Time in the plan, s, and level of each change that is played.
+    /// Time in the plan, s, and level of each change that the memory plays.
     pub(super) changes: Vec<(f64, f64)>,
 }
 
@@ -217,7 +215,7 @@ pub(super) fn timing(plan: &Plan, commands: &[Command]) -> Option<Timing> {
     let (mut entries, mut changes, mut played) = (Vec::new(), Vec::new(), 0);
     for (index, command) in commands.iter().enumerate() {
         changes.push((first.time_s + RING_TIMING_S * played as f64, command.level));
-        // A change that is shorter than a unit lasts for one unit. The next ones are shortened.
+        // A change shorter than a unit is extended to one unit, and the next ones are shortened.
         let (until_s, least_units) = match commands.get(index + 1) {
             Some(next) => (next.time_s, 1),
             None => (command.time_s, LAST_UNITS),
@@ -226,7 +224,7 @@ pub(super) fn timing(plan: &Plan, commands: &[Command]) -> Option<Timing> {
         let planned = ((until_s - first.time_s) / RING_TIMING_S).round() as u64;
         let [_, r, g, b] = command.value.to_be_bytes();
         let (until, color) = (planned.max(played + least_units), ring_memory_rgb([r, g, b]));
-        // A color that lasts longer needs several entries.
+        // A color that lasts longer requires several entries.
         while played < until {
             let units = (until - played).min(MAX_RING_TIMING);
             entries.push((u8::try_from(units).expect("at most 255"), color));
@@ -237,15 +235,15 @@ pub(super) fn timing(plan: &Plan, commands: &[Command]) -> Option<Timing> {
 }
 
 /// Returns the sRGB color in which a screen shows a command's light: its hue at full scale, times
-/// its level. The bytes of the command cannot be used, because they drive dies that are far
-/// brighter than a screen: a red that writes is 3 of 255, which a show would display as black.
+/// its level. The bytes of the command cannot be used, because they drive dies far brighter than a
+/// screen: a red used for writing is 3 of 255, which a show would display as black.
 pub(super) fn screen_rgb(command: &Command, options: &LightOptions) -> [u8; 3] {
     let deck = Channel::named(&command.channel).filter(|channel| !channel.colors.is_empty());
     // With corrected levels, all dies are equally bright and the bytes are sRGB levels.
     let is_corrected =
         deck == Some(COLOR_LED) && options.color_led_levels == ColorLedLevels::Corrected;
-    // The value of a deck has a byte for each die, of which the last die has the lowest byte. Both
-    // are therefore paired from the end. Any other lamp has all dies fully on.
+    // A deck's value contains one byte per die, with the last die in the lowest byte, so dies and
+    // bytes are paired from the end. Any other lamp has all dies fully on.
     let low_bytes_first = deck.map_or([u8::MAX; 4], |_| command.value.to_le_bytes());
     let mut light = Vector3::zeros();
     for lamp in lamps_on(&command.channel, options) {
@@ -266,7 +264,7 @@ pub(super) fn screen_rgb(command: &Command, options: &LightOptions) -> [u8; 3] {
     light.map(|channel| byte(encoded_from_linear(channel / most * command.level))).into()
 }
 
-/// Returns the lamps on a channel: the scene's, or a deck's if the scene has none.
+/// Returns the lamps driven by a channel: the scene's or, if the scene lists none, a deck's.
 fn lamps_on(channel: &str, options: &LightOptions) -> Vec<Fixture> {
     let mut lamps = options.fixtures();
     lamps.retain(|lamp| lamp.drive.channel() == Some(channel));
@@ -383,7 +381,7 @@ mod tests {
                 [("color-led", color_led_wrgb(srgb, plain)), ("ring", [0, r, g, b])]
             {
                 let shown = screen_rgb(&deck_command(channel, 1.0, wrgb), &options);
-                // The dies' gamut is larger than the screen's, and their drives have few steps.
+                // The dies' gamut is larger than the screen's, and their levels are coarse.
                 for (actual, wanted) in shown.iter().zip(srgb) {
                     let error = f64::from(*actual) - f64::from(wanted);
                     assert!(error.abs() <= 4.0, "{channel}: {shown:?} instead of {srgb:?}");
@@ -434,8 +432,8 @@ mod tests {
             plan.edit(|plan| plan.setpoints.iter_mut().for_each(|s| s.time_s *= step_s));
             timing(&plan, &commands(&plan, &options).unwrap())
         };
-        // From 1.01 s on the ring is lit for 2.02 s, dark for 1.01 s, and at half level for 1.01 s.
-        // The drift does not accumulate.
+        // From 1.01 s on, the ring is lit for 2.02 s, dark for 1.01 s, and at half level for 1.01
+        // s. The drift does not accumulate.
         let played = timing("ring", &[0.0, 1.0, 1.0, 0.0, 0.5, 0.0], 1.01).unwrap();
         let (on, dark, half) = ([197, 101, 0], [0; 3], [99, 49, 0]);
         assert_eq!(played.entries, [(51, on), (25, dark), (25, half), (2, dark)]);
@@ -451,8 +449,8 @@ mod tests {
         assert_eq!(timing("headlights", &many[..9], 1.0), None, "a pin is not in the memory");
     }
 
-    /// Returns the colors of the ring at each of its ticks when the firmware plays a timing memory
-    /// from its first tick on. `clock` is the rate of its microseconds, and `phase_s` the time to
+    /// Returns the colors of the ring at each tick, beginning with the first, when the firmware
+    /// plays a timing memory. `clock` is the rate of its microseconds, and `phase_s` the time to
     /// the second tick.
     fn shown(entries: &[(u8, [u8; 3])], phase_s: f64, clock: f64, ticks: u32) -> Vec<[u8; 3]> {
         let ms = |time_s: f64| (1e3 * clock * time_s + 1e-6).floor();

@@ -1,13 +1,13 @@
-//! Variables to log, which [`crate::logs`] reads: for cfclient, the µSD card and the script.
+//! Log variables that [`crate::logs`] reads, configured for cfclient, the µSD card and the script.
 //!
-//! Formats: log configurations of cfclient (`cfclient/configs/log/*.json`), and `config.txt` of the
+//! Formats: cfclient log configurations (`cfclient/configs/log/*.json`), and `config.txt` for the
 //! µSD deck (firmware documentation, "Micro SD card deck"). A radio block can contain 26 bytes.
 
 use serde_json::json;
 
 use super::File;
 
-/// A block: its name, and the variables that it logs, separated by blanks.
+/// Block: its name, and its variables separated by blanks.
 type Block = (&'static str, &'static str);
 
 /// Blocks of variables that any Crazyflie has.
@@ -23,13 +23,13 @@ pub(super) const BLOCKS: [Block; 5] = [
     ("motors", "motor.m1 motor.m2 motor.m3 motor.m4 pm.vbat"),
 ];
 
-/// Blocks of variables of the AE483 course's observer.
+/// Blocks of variables from the AE483 course's observer.
 pub(super) const OBSERVER_BLOCKS: [Block; 1] = [(
     "observer",
     "ae483log.o_x ae483log.o_y ae483log.o_z ae483log.psi ae483log.theta ae483log.phi",
 )];
 
-/// Blocks of variables that the exported script checks on the ground and in the air.
+/// Blocks of variables that the exported script monitors on the ground and in the air.
 pub(super) const WATCH_BLOCKS: [Block; 2] = [
     (
         "where",
@@ -44,12 +44,12 @@ fn kind(variable: &str) -> &'static str {
     if is_short { "uint16_t" } else { "float" }
 }
 
-/// Period of the blocks that are sent by radio, ms.
+/// Period of the blocks sent by radio, ms.
 const PERIOD_MS: u32 = 20;
 /// Rate of the µSD log, Hz.
 const CARD_HZ: u32 = 250;
 
-/// Returns blocks as the literal of a Python dictionary: block, variable and type.
+/// Returns blocks as a Python dictionary literal: block, variable and type.
 pub(super) fn python(blocks: &[Block]) -> String {
     let blocks = blocks.iter().map(|(name, variables)| {
         let variables = variables.split(' ').map(|name| format!("{name:?}: {:?}", kind(name)));

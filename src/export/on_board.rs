@@ -1,4 +1,4 @@
-//! Returns the flight of a trajectory on board as a plan, for the simulator to fly.
+//! Returns the flight of an onboard trajectory as a plan for the simulator.
 //!
 //! Scripts upload one trajectory from floor to floor ([`Timeline`]), and land at its end.
 
@@ -14,9 +14,9 @@ use noctograph_core::flight::table::on_grid;
 use noctograph_core::settings::settings;
 use noctograph_plan::{Plan, PlanData, Setpoint, conflict};
 
-/// Time between two setpoints of the plan, s, which is the period of the commander on board.
+/// Time step of the plan, s, equal to the period of the onboard commander.
 const STEP_S: f64 = 0.01;
-/// Maximum difference between times that count as the same, s.
+/// Maximum difference between times that count as equal, s.
 const SAME_TIME_S: f64 = 1e-6;
 /// Steps of the finite differences for velocity and acceleration, and for the jerk, s. All points
 /// are then within a millisecond, because pieces end at whole milliseconds.
@@ -24,7 +24,7 @@ const DIFFERENCE_S: f64 = 5e-4;
 const JERK_DIFFERENCE_S: f64 = 1e-3 / 3.0;
 
 settings! {
-    /// Form of a trajectory that is stored on board.
+    /// Form of an onboard trajectory.
     pub enum Form {
         /// Bézier curves with whole millimeters.
         "compressed" => Compressed,
@@ -34,8 +34,8 @@ settings! {
 }
 
 impl Form {
-    /// Returns the default tolerance, m. The tolerance is larger for polynomials of degree 7, which
-    /// need more memory for the same distance from the design.
+    /// Returns the default tolerance, m. It is larger for polynomials of degree 7, which require
+    /// more memory for the same accuracy.
     pub fn tolerance_m(self) -> f64 {
         match self {
             Self::Compressed => 0.002,
@@ -44,7 +44,7 @@ impl Form {
     }
 }
 
-/// Length that trajectories may have.
+/// Maximum length of trajectories.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Length {
     /// Up to the capacity of the memory on board.
@@ -53,14 +53,13 @@ pub enum Length {
     Any,
 }
 
-/// Returns the plans that a release flies with trajectories on board, which all start together.
-/// Time zero is the take-off command.
+/// Returns the plans that a release flies with onboard trajectories, which all start together. Time
+/// zero is the take-off command.
 ///
 /// # Errors
 ///
-/// Returns the errors of [`Compressed::encode`] and [`Poly4d::fit`], and [`Error::Infeasible`] if,
-/// with trajectories on board, a drone that hovers at its start is too close to the path of another
-/// drone.
+/// Returns the errors of [`Compressed::encode`] and [`Poly4d::fit`]. Returns [`Error::Infeasible`]
+/// if, with onboard trajectories, a drone hovering at its start is too close to another's path.
 pub fn flown(
     release: Release,
     plans: &[Plan],
@@ -74,7 +73,7 @@ pub fn flown(
         flown_alone(plan, first_start_s, |time_s| motion(&pieces, time_s)[0])
     });
     let flown: Vec<Plan> = flown.collect::<Result<_>>()?;
-    // In the plans no drone waits in the air, so that the distances are checked again.
+    // In the plans no drone waits in the air, so the distances have to be checked again.
     let mut pairs =
         flown.iter().enumerate().flat_map(|(i, a)| flown[i + 1..].iter().map(move |b| (a, b)));
     let near = pairs.find_map(|(a, b)| conflict(a, b)).filter(|_| length == Length::OnBoard);
@@ -89,8 +88,7 @@ pub fn flown(
     ))
 }
 
-/// Checks that the memory on board is large enough for the trajectories of plans, and that a
-/// release can fly them.
+/// Checks that plans' trajectories fit in the onboard memory, and that a release can fly them.
 ///
 /// # Errors
 ///
@@ -100,7 +98,7 @@ pub fn check_memory(release: Release, plans: &[Plan], form: Form, tolerance_m: f
     plans.iter().try_for_each(fits)
 }
 
-/// Returns the pieces of a plan's trajectory. Refuses a trajectory that does not fit.
+/// Returns the pieces of a plan's trajectory, or an error if the trajectory does not fit.
 pub(super) fn pieces(
     release: Release,
     plan: &Plan,
@@ -120,7 +118,7 @@ pub(super) fn pieces(
     })
 }
 
-/// Returns the plan that a drone flies with a trajectory on board, regardless of other drones.
+/// Returns the plan that a drone flies with an onboard trajectory, regardless of other drones.
 /// `trajectory_m` returns the trajectory's position at a time since its start.
 fn flown_alone(
     plan: &Plan,
@@ -133,8 +131,8 @@ fn flown_alone(
     let lit = plan.lit();
     let mut out = PlanData { yaw_rad: plan.yaw_rad, ..PlanData::default() };
     for time_s in sample_times_s(plan, &timeline) {
-        // Lights and letter are those of the plan's last setpoint. Before the first setpoint,
-        // lights are dark.
+        // Lights and letter are those of the plan's last setpoint. Before the first, lights are
+        // dark.
         let plan_time_s = time_s + timeline.zero_s + SAME_TIME_S;
         let row = plan.setpoints.partition_point(|s| s.time_s <= plan_time_s).checked_sub(1);
         out.lit.push(row.map_or(0.0, |row| lit[row]));
@@ -152,7 +150,7 @@ fn flown_alone(
     Plan::new(out)
 }
 
-/// Returns the times of a flown plan: even steps, and the times at which its plan changes lights.
+/// Returns the times of a flown plan: uniform steps, and the times of light changes.
 fn sample_times_s(plan: &Plan, timeline: &Timeline) -> Vec<f64> {
     let end_s = timeline.after[1].time_s;
     #[expect(clippy::cast_possible_truncation, reason = "an hour at most")]
@@ -168,8 +166,7 @@ fn sample_times_s(plan: &Plan, timeline: &Timeline) -> Vec<f64> {
 /// Returns position, velocity, acceleration and jerk of a path at `time_s`, in m and s.
 fn derivatives(time_s: f64, position_m: impl Fn(f64) -> Vector3<f64>) -> [Vector3<f64>; 4] {
     // Forward differences are used, because a piece may begin here. The velocity is (4b - 3a - c) /
-    // 2h, which is of second order, the acceleration (a - 2b + c) / h², and the jerk the third
-    // difference.
+    // 2h, of second order, the acceleration (a - 2b + c) / h², and the jerk the third difference.
     let [h, k] = [DIFFERENCE_S, JERK_DIFFERENCE_S];
     let [a, b, c] = [time_s, time_s + h, time_s + 2.0 * h].map(&position_m);
     let [j0, j1, j2, j3] = [0.0, 1.0, 2.0, 3.0].map(|step| position_m(time_s + step * k));
@@ -187,7 +184,7 @@ mod tests {
         plan(&write(word, &LetterOptions::default()).unwrap(), &PlanOptions::even()).unwrap()
     }
 
-    /// Returns a plan that begins later and farther to the right.
+    /// Returns a plan shifted in time and to the right.
     fn moved(plan: &Plan, later_s: f64, right_m: f64) -> Plan {
         let mut plan = plan.clone();
         plan.edit(|plan| {
@@ -223,7 +220,7 @@ mod tests {
                 assert!(off_m_s <= 0.3, "{off_m_s} m/s at {} s", pair[0].time_s);
                 mean_off_m_s += off_m_s / plan.setpoints.len() as f64;
             }
-            // Within a piece they agree. An acceleration with the wrong sign would be 8 mm/s off.
+            // Within a piece they agree. A wrong sign of the acceleration would add 8 mm/s.
             assert!(mean_off_m_s < 0.002, "{mean_off_m_s} m/s");
         }
     }

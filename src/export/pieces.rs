@@ -1,9 +1,9 @@
 //! Pieces of a trajectory: the design path of a plan as polynomials in time.
 //!
-//! A plan has a setpoint every few hundredths of a second, which are too many for a drone's memory.
+//! A plan has a setpoint every few hundredths of a second, which is too many for a drone's memory.
 //! The two trajectory forms of the Crazyflie use longer pieces: cubics ([`super::compressed`]), and
-//! polynomials of degree 7 ([`super::poly4d`]). [`pieces`] finds them greedily: each is the longest
-//! that stays close to the design and within its limits.
+//! polynomials of degree 7 ([`super::poly4d`]). [`pieces`] determines them greedily: each is the
+//! longest that stays close to the design and within its limits.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -18,8 +18,8 @@ use noctograph_plan::{Plan, Setpoint};
 const CHECKS_PER_SETPOINT: f64 = 4.0;
 const CHECK_INTERVAL_S: f64 = 0.02;
 
-/// Time in which a trajectory accelerates from rest to the speed of the first letter, and brakes
-/// from the speed of the last one, s. At 0.2 m/s this is an acceleration of 0.4 m/s².
+/// Time, s, in which a trajectory accelerates from rest to the speed of the first letter, or brakes
+/// from the speed of the last one. At 0.2 m/s the acceleration is 0.4 m/s².
 const RUN_S: f64 = 0.5;
 
 /// Maximum speed and acceleration of a piece at the times of comparison, relative to those of the
@@ -32,8 +32,8 @@ const STEP_S: f64 = 0.001;
 /// Maximum number of times that the search backtracks before a piece may exceed the limits.
 const RETRIES: u32 = 200;
 
-/// The part of a plan that is flown as a trajectory: a run-up from rest, all letters, and a run-out
-/// to rest. Take-off and landing are separate commands.
+/// Part of a plan that is flown as a trajectory: a run-up from rest, all letters, and a run-out to
+/// rest. Take-off and landing are separate commands.
 #[derive(Clone, Debug)]
 pub(super) struct Stretch {
     pub(super) setpoints: Vec<Setpoint>,
@@ -44,8 +44,8 @@ pub(super) struct Stretch {
 }
 
 impl Stretch {
-    /// Returns the stretch of a plan. Refuses a plan without letters, and one that comes down to
-    /// the floor between take-off and landing.
+    /// Returns the stretch of a plan. Returns an error for a plan without letters, and for one that
+    /// descends to the floor between take-off and landing.
     pub(super) fn new(plan: &Plan) -> Result<Self> {
         let first = plan.setpoints.iter().position(|setpoint| setpoint.letter.is_some());
         let last = plan.setpoints.iter().rposition(|setpoint| setpoint.letter.is_some());
@@ -56,7 +56,7 @@ impl Stretch {
         // The last stroke ends at the setpoint after the last lettered one.
         let end = (last + 1).min(plan.setpoints.len() - 1);
         let (start, stop) = (&plan.setpoints[first], &plan.setpoints[end]);
-        // The acceleration is constant over RUN_S, up to the speed of the first letter, and down
+        // The acceleration over RUN_S is constant, up to the speed of the first letter, and down
         // from that of the last one.
         let run_up = Setpoint {
             time_s: start.time_s - RUN_S,
@@ -89,12 +89,12 @@ impl Stretch {
         Ok(Self { setpoints, stop_m_s2, yaw_rad: plan.yaw_rad })
     }
 
-    /// Returns the start by the plan's clock, s.
+    /// Returns the start time by the plan's clock, s.
     pub(super) fn start_s(&self) -> f64 {
         self.setpoints[0].time_s
     }
 
-    /// Returns the duration with run-up and run-out, s.
+    /// Returns the duration including run-up and run-out, s.
     pub(super) fn duration_s(&self) -> f64 {
         self.time_s(self.last())
     }
@@ -109,8 +109,8 @@ impl Stretch {
         self.setpoints[index].time_s - self.start_s()
     }
 
-    /// Returns the acceleration just before a setpoint, m/s². This acceleration differs from the
-    /// setpoint's at the ends of run-up and run-out, where the acceleration jumps.
+    /// Returns the acceleration just before a setpoint, m/s². It differs from the setpoint's own at
+    /// the ends of run-up and run-out, where the acceleration changes abruptly.
     pub(super) fn acceleration_before_m_s2(&self, index: usize) -> Vector3<f64> {
         match self.last() - index {
             1 => self.stop_m_s2,
@@ -135,8 +135,8 @@ impl Stretch {
         [speeds.fold(0.0, f64::max), accelerations.fold(0.0, f64::max)]
     }
 
-    /// Returns the maximum distance of a trajectory from the design at any of the drone's
-    /// milliseconds, m. The maximum occurs between the times of comparison, just before a setpoint.
+    /// Returns the maximum distance of a trajectory from the design over the drone's time steps, m.
+    /// The maximum occurs between the times of comparison, just before a setpoint.
     pub(super) fn worst_m(&self, pieces: &[Polynomials]) -> f64 {
         let (mut worst_m, mut start_s) = (0.0, 0.0);
         for piece in pieces {
@@ -153,7 +153,7 @@ impl Stretch {
     }
 
     /// Returns the error for a trajectory that exceeds the drone's memory, with the number of
-    /// letters that end before `until_s`. `needs` states the memory that it needs.
+    /// letters that end before `until_s`. `needs` states the memory required.
     pub(super) fn too_long(&self, until_s: f64, needs: &str, hint: &str) -> Error {
         let [begun, total] = [until_s, f64::INFINITY].map(|until_s| {
             let flown = self.setpoints.iter().filter(|s| s.time_s - self.start_s() < until_s);
@@ -165,7 +165,7 @@ impl Stretch {
     }
 
     /// Returns the times at which a piece from one setpoint to another is compared with the design,
-    /// in s since the start.
+    /// in s since the start of the stretch.
     pub(super) fn check_times_s(&self, from: usize, to: usize) -> impl Iterator<Item = f64> {
         (from..to).flat_map(move |index| {
             let (start_s, end_s) = (self.time_s(index), self.time_s(index + 1));
@@ -178,10 +178,10 @@ impl Stretch {
     }
 }
 
-/// Coefficients of an axis in ascending powers of the time in s.
+/// Coefficients of an axis in ascending powers of time in s.
 pub(super) type Polynomial = [f64; 8];
 
-/// Motion of a piece: a polynomial in the time since its start for each axis.
+/// Motion of a piece, given for each axis as a polynomial in the time since its start.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Polynomials {
     pub(super) duration_s: f64,
@@ -189,7 +189,7 @@ pub(super) struct Polynomials {
 }
 
 impl Polynomials {
-    /// Returns the motion from rest to rest, without jerk at its ends, that the firmware uses for
+    /// Returns the motion from rest to rest, with zero jerk at its ends, that the firmware uses for
     /// take-off and landing (`pptraj.c`, `poly7_nojerk`).
     pub(super) fn from_rest_to_rest([from_m, to_m]: [Vector3<f64>; 2], duration_s: f64) -> Self {
         let path_m = to_m - from_m;
@@ -210,7 +210,7 @@ impl Polynomials {
 
     /// Returns position, velocity and acceleration at `t` s since the start, in m and s.
     pub(super) fn evaluate(&self, t: f64) -> [Vector3<f64>; 3] {
-        // Horner's scheme gives the value, the first derivative and half of the second derivative.
+        // Horner's scheme yields the value, the first derivative and half of the second derivative.
         let axes = self.axes.map(|c| {
             c.iter().rev().fold([0.0; 3], |[p, v, a], c| [p * t + c, v * t + p, a * t + v])
         });
@@ -233,21 +233,21 @@ pub(super) fn motion(pieces: &[Polynomials], time_s: f64) -> [Vector3<f64>; 3] {
     end
 }
 
-/// Method by which a piece's numbers are rounded to those of its form.
+/// Rounding of a piece's numbers to those of its form.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Rounding {
     /// Rounds to the nearest number.
     Nearest,
-    /// Rounds to those neighboring numbers with the least acceleration.
+    /// Rounds to the neighboring numbers with the least acceleration.
     Gentlest,
 }
 
 /// Divides a stretch into pieces, greedily with backtracking. Each piece is the longest that stays
 /// within `tolerance_m` of the design, within `max_piece_s`, and within the speed and acceleration
-/// of the design. If no piece can follow it, a shorter one replaces it.
+/// of the design. If no piece can follow it, it is replaced by a shorter one.
 ///
-/// `piece` makes the piece between two setpoints after the previous pieces. If the design contains
-/// no acceleration, only the distance decides, and a piece to the next setpoint is always accepted.
+/// `piece` computes the piece between two setpoints, given the previous pieces. If the design
+/// contains no acceleration, only the distance matters, and the shortest piece is always accepted.
 pub(super) fn pieces<P>(
     stretch: &Stretch,
     tolerance_m: f64,
@@ -273,7 +273,8 @@ pub(super) fn pieces<P>(
             } else {
                 (stuck_start, retries + 1)
             };
-            // The search returns to the last piece that can be shorter, and remakes later ones.
+            // The search returns to the last piece that can be shortened, and recomputes later
+            // ones.
             if retries <= RETRIES
                 && let Some((index, shorter_end)) = fit.backtrack(&mut choices, &pieces)
             {
@@ -300,7 +301,7 @@ struct Choice {
     untried_ends: Range<usize>,
 }
 
-/// Function that returns the motion of the piece between two setpoints after the previous pieces.
+/// Function that returns the motion of the piece between two setpoints, given the previous pieces.
 type Motion<'a, P> = dyn Fn(usize, usize, &[P], Rounding) -> Polynomials + 'a;
 
 /// Conditions for the pieces of a stretch.
@@ -343,8 +344,8 @@ impl<P> Fit<'_, P> {
         efforts.fold(0.0, f64::max)
     }
 
-    /// Returns the possible ends of a piece from a setpoint: only the farthest one if the design
-    /// contains no acceleration.
+    /// Returns the possible ends of a piece from a setpoint. If the design contains no
+    /// acceleration, this is only the farthest one.
     fn choice(&self, start: usize, previous: &[P]) -> Choice {
         if start == self.stretch.last() {
             return Choice { start, untried_ends: 0..0 };
@@ -354,8 +355,8 @@ impl<P> Fit<'_, P> {
         Choice { start, untried_ends: nearest..farthest + 1 }
     }
 
-    /// Returns the end of the longest piece that stays within the limits, or `None` if no piece
-    /// does. Removes this end and those beyond it from the choice.
+    /// Returns the end of the longest piece that stays within the limits, or `None` if there is
+    /// none. Removes this end and those beyond it from the choice.
     fn longest(&self, choice: &mut Choice, previous: &[P]) -> Option<usize> {
         let (start, rounding) = (choice.start, Rounding::Nearest);
         choice.untried_ends.rfind(|end| {
@@ -365,7 +366,7 @@ impl<P> Fit<'_, P> {
         })
     }
 
-    /// Returns the index of the last piece that can be shorter, and its new end.
+    /// Returns the index of the last piece that can be shortened, and its new end.
     fn backtrack(&self, choices: &mut [Choice], pieces: &[P]) -> Option<(usize, usize)> {
         (0..pieces.len())
             .rev()
@@ -388,7 +389,7 @@ impl<P> Fit<'_, P> {
 }
 
 /// Returns the largest number up to `last` that fits, by a galloping search (Bentley and Yao 1976),
-/// if all numbers below it fit. `first` always fits.
+/// provided that all smaller numbers fit. `first` always fits.
 fn gallop(first: usize, last: usize, fits: impl Fn(usize) -> bool) -> usize {
     // The step is doubled until a number does not fit, and then halved.
     let (mut good, mut step) = (first, 1);

@@ -6,8 +6,8 @@
 //! duration in s. The CSV contains the same 33 numbers with the duration first (`uav_trajectory.py`
 //! of Crazyswarm2 skips one header line).
 //!
-//! A piece is the quintic through position, velocity and acceleration of the design at both ends,
-//! plus two coefficients, of `t³(T − t)³` and `t⁴(T − t)³`, by least squares.
+//! A piece is the quintic through the design's position, velocity and acceleration at both ends,
+//! plus two terms, with `t³(T − t)³` and `t⁴(T − t)³`, that are fitted by least squares.
 
 use nalgebra::{Matrix2, Vector2, Vector3};
 
@@ -18,7 +18,7 @@ use noctograph_core::crazyflie::{Release, TRAJECTORY_MEMORY_BYTES};
 use noctograph_core::error::{Error, Result};
 use noctograph_plan::Plan;
 
-/// Number of bytes of a piece on board.
+/// Number of bytes that a piece occupies on board.
 const PIECE_BYTES: usize = 33 * 4;
 /// Maximum number of pieces in the trajectory memory.
 pub const MAX_PIECES: usize = TRAJECTORY_MEMORY_BYTES / PIECE_BYTES;
@@ -36,13 +36,13 @@ pub struct Poly4d {
 }
 
 impl Poly4d {
-    /// Fits the letters of a plan within `tolerance_m` of its design, in as many pieces as fit into
-    /// the drone's memory. The error's hint depends on the release.
+    /// Fits the letters of a plan to within `tolerance_m` of its design, in as many pieces as fit
+    /// in the drone's memory. The error's hint depends on the release.
     ///
     /// # Errors
     ///
     /// Returns [`noctograph_core::error::Error::Input`] for a plan without letters, and
-    /// [`noctograph_core::error::Error::Infeasible`] for a plan that needs more memory.
+    /// [`noctograph_core::error::Error::Infeasible`] for a plan that requires more memory.
     pub fn fit(release: Release, plan: &Plan, tolerance_m: f64) -> Result<Self> {
         let stretch = Stretch::new(plan)?;
         let trajectory = Self::fit_any_length(plan, tolerance_m)?;
@@ -50,7 +50,7 @@ impl Poly4d {
         if n <= MAX_PIECES {
             return Ok(trajectory);
         }
-        // The error names the number of letters that fit, and the other formats.
+        // The error states the number of letters that fit, and the alternative formats.
         let fitting = &trajectory.pieces[..MAX_PIECES - 1];
         let until_s = fitting.iter().map(|piece| piece.duration_s).sum();
         let n_bytes = Compressed::of_any_length(&stretch, tolerance_m)?.to_bytes().len();
@@ -64,7 +64,7 @@ impl Poly4d {
         Err(stretch.too_long(until_s, &needs, &hint))
     }
 
-    /// Fits the letters of a plan within `tolerance_m` of its design, in any number of pieces.
+    /// Fits the letters of a plan to within `tolerance_m` of its design, in any number of pieces.
     ///
     /// # Errors
     ///
@@ -76,11 +76,11 @@ impl Poly4d {
         Ok(Self { pieces, yaw_rad: plan.yaw_rad })
     }
 
-    /// Returns the flight from take-off to landing. Refuses a flight that exceeds the memory. The
+    /// Returns the flight from take-off to landing, or an error if it exceeds the memory. The
     /// script lands `over_s` after the end of the trajectory.
     ///
-    /// The firmware stops the motors after the flight: the last piece is NaN, so that the commander
-    /// on board gives no more setpoints (`crtp_commander_high_level.c`, "invalid eval") and the
+    /// The firmware stops the motors after the flight: the last piece is NaN, so the onboard
+    /// commander outputs no more setpoints (`crtp_commander_high_level.c`, "invalid eval"), and the
     /// watchdog ends the flight 2 s later.
     pub(super) fn flight(self, timeline: &Timeline, over_s: f64) -> Result<Self> {
         let no_goal = Polynomials { duration_s: 1.0, axes: [constant(f64::NAN); 3] };
@@ -115,7 +115,7 @@ impl Poly4d {
         numbers.flat_map(|number| (number as f32).to_le_bytes()).collect()
     }
 
-    /// Returns the CSV of `uav_trajectories`, with as many digits as each number needs.
+    /// Returns the CSV of `uav_trajectories`, with as many digits as each number requires.
     pub fn to_csv(&self) -> String {
         let rows = self.pieces.iter().map(|piece| {
             let axes = piece.axes.into_iter().chain([constant(self.yaw_rad)]).flatten();
@@ -139,9 +139,9 @@ fn constant(value: f64) -> Polynomial {
     [value, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
 }
 
-/// Returns the piece between two setpoints: their quintic, plus two least-squares coefficients.
+/// Returns the piece between two setpoints: a quintic, plus two least-squares terms.
 fn fit(stretch: &Stretch, from: usize, to: usize) -> Polynomials {
-    // The piece begins as the quintic Hermite interpolation between both ends.
+    // The initial piece is the quintic Hermite interpolation between both ends.
     let duration_s = stretch.time_s(to) - stretch.time_s(from);
     let (start, end) = (&stretch.setpoints[from], &stretch.setpoints[to]);
     let arrival_m_s2 = stretch.acceleration_before_m_s2(to);
@@ -155,7 +155,7 @@ fn fit(stretch: &Stretch, from: usize, to: usize) -> Polynomials {
     let (mut normal_matrix, mut right_sides) = (Matrix2::zeros(), [Vector2::zeros(); 3]);
     for time_s in stretch.check_times_s(from, to) {
         let t = time_s - stretch.time_s(from);
-        // Two basis functions, scaled to about 1, vanish at both ends with two derivatives.
+        // Both basis functions, scaled to about 1, vanish at both ends with two derivatives.
         let (s, rest) = (t / duration_s, 1.0 - t / duration_s);
         let bump = 64.0 * s * s * s * rest * rest * rest;
         let row = Vector2::new(bump, bump * (2.0 * s - 1.0));
@@ -165,7 +165,7 @@ fn fit(stretch: &Stretch, from: usize, to: usize) -> Polynomials {
             right_sides[axis] += row * residual_m[axis];
         }
     }
-    // If there are too few times, the matrix is singular, and the quintic is kept.
+    // With too few times, the matrix is singular, and the quintic is kept.
     if let Some(inverse) = normal_matrix.try_inverse() {
         for (axis, right_side) in piece.axes.iter_mut().zip(right_sides) {
             add_bumps(axis, inverse * right_side, duration_s);
@@ -174,8 +174,8 @@ fn fit(stretch: &Stretch, from: usize, to: usize) -> Polynomials {
     piece
 }
 
-/// Returns the quintic Hermite polynomial of duration `t` with position, velocity and acceleration
-/// `p, v, a` at the start and `q, w, b` at the end.
+/// Returns the quintic Hermite polynomial with duration `t`, and with position, velocity and
+/// acceleration `p, v, a` at the start and `q, w, b` at the end.
 fn quintic([[p, v, a], [q, w, b]]: [[f64; 3]; 2], t: f64) -> Polynomial {
     // A motion with constant acceleration would miss the end by the position d, the velocity e/t
     // and the acceleration f/t².
@@ -224,7 +224,7 @@ mod tests {
         let (plan, stretch) =
             (plan.as_ref().unwrap(), Stretch::new(plan.as_ref().unwrap()).unwrap());
         let one = Poly4d::fit(Release::MODELED, plan, 0.005).unwrap();
-        // The drone starts 2 s after another drone of its fleet.
+        // The drone starts 2 s after another drone in its fleet.
         let timeline = Timeline::new(plan, &stretch, stretch.start_s() - 2.0, one.ends_m());
         let all = one.clone().flight(&timeline, 0.5).unwrap();
         assert_eq!(all.pieces.len(), 3 + one.pieces.len() + 3);
@@ -316,7 +316,7 @@ mod tests {
         }
     }
 
-    /// Returns the bytes that the firmware was given, its responses, and the trajectory.
+    /// Returns the bytes that were given to the firmware, its responses, and the trajectory.
     fn recorded_pieces() -> (Vec<u8>, Vec<Row>, Poly4d) {
         let (bytes, rows) = read(include_str!("recorded/poly4d.txt"));
         let number = |chunk: &[u8]| f64::from(f32::from_le_bytes(chunk.try_into().unwrap()));

@@ -1,7 +1,7 @@
 //! Safety: limits of the checks before and during a flight. `check`, the exported scripts and
 //! `docs/fly.md` use the same numbers.
 //!
-//! Firmware references are to `crazyflie-firmware`, release 2026.08, unless named.
+//! Firmware references are to `crazyflie-firmware`, release 2026.08, unless stated otherwise.
 
 use serde::Serialize;
 
@@ -10,49 +10,48 @@ use noctograph_core::flight::{BATTERY_V, Flight};
 use noctograph_sim::sensors::Positioning;
 use noctograph_sim::vehicle::BatteryOptions;
 
-/// Tolerance for objects outside the room, m: the size of a room is given to the decimeter, and a
-/// station on the wall is measured to some centimeters. A larger tolerance would accept an origin
+/// Tolerance for objects outside the room, m. The size of a room is given to the decimeter, and a
+/// station on the wall is measured to a few centimeters. A larger tolerance would accept an origin
 /// at a wall of a small room.
 pub const FRAME_M: f64 = 0.15;
-/// Maximum distance of the drone from the plan's start before take-off, m. Farther away, its path
-/// to the first letter is not the one that was checked.
+/// Maximum distance of the drone from the plan's start before take-off, m. From farther away, its
+/// path to the first letter would differ from the one that was checked.
 pub const START_RADIUS_M: f64 = 0.2;
-/// Minimum distance of people from any flight, m: an arm's length and a step (an assumption).
+/// Minimum distance between people and any flight, m: an arm's length plus a step (an assumption).
 pub const LEAST_PEOPLE_M: f64 = 1.0;
-/// Maximum difference of the heading from the plan's before take-off, rad: 10°. The difference
-/// moves the light of headlights sideways by its sine. A drone that points along another axis is
-/// 90° off.
+/// Maximum difference in heading from the plan before take-off, rad: 10°. The light of headlights
+/// shifts sideways by the sine of this difference. A drone that points along another axis is off by
+/// 90°.
 pub const NOSE_RAD: f64 = 0.174_532_925_199_432_95;
-/// Maximum roll and pitch before take-off, rad: 5°. A drone on an edge or a cable exceeds them.
+/// Maximum roll and pitch before take-off, rad: 5°, exceeded by a drone on an edge or a cable.
 pub const LEVEL_RAD: f64 = 0.087_266_462_599_716_47;
 /// Maximum error of the drone's position at a corner of the canvas, m.
 pub const CORNER_M: f64 = 0.02;
-/// Distance of the script's fence from the volume in which `check` keeps the plan, m: half of the
-/// distance between the volume and a room's walls.
+/// Distance of the script's fence from the volume in which `check` keeps the plan, m. It is half of
+/// the distance between this volume and a room's walls.
 pub const FENCE_M: f64 = 0.1;
 /// Maximum distance of the estimated position from the setpoint, m. The PID cascade lags by 0.56 s,
-/// which is 0.45 m at 0.8 m/s.
+/// which corresponds to 0.45 m at 0.8 m/s.
 pub const MAX_POSITION_ERROR_M: f64 = 0.8;
-/// Speed of landing, m/s, which is slow enough for the ground effect not to push the drone back up.
+/// Landing speed, m/s, slow enough that the ground effect does not push the drone back up.
 pub const SINK_M_S: f64 = 0.3;
 /// Time for which a limit must be exceeded in the air before the script lands, s, so that one bad
-/// sample does not end a flight. The firmware levels out a drone without commands after the same
-/// time ([`noctograph_core::crazyflie::LEVEL_OUT_S`]).
+/// sample does not end a flight. After the same time without commands, the firmware levels out the
+/// drone ([`noctograph_core::crazyflie::LEVEL_OUT_S`]).
 pub const WRONG_S: f64 = 0.5;
-/// Minimum voltage at rest if the scene's drone has no battery, V. A Crazyflie's cell is then
-/// charged to about 28 %, and the flight of a word should begin with more.
+/// Minimum voltage at rest if the scene's drone has no battery, V. It corresponds to a charge of
+/// about 28 % in a Crazyflie's cell. The flight of a word should begin with more.
 pub const REST_V: f64 = 3.8;
-/// Variance of a coordinate at which the position is lost in the air, relative to the settled
-/// variance.
+/// Ratio of a coordinate's variance to the settled one at which the position counts as lost.
 pub const LOST_FACTOR: f64 = 10.0;
-/// Voltage under load at which the script lands at once, V (`DEFAULT_BAT_CRITICAL_LOW_VOLTAGE` of
+/// Voltage under load at which the script lands at once, V (`DEFAULT_BAT_CRITICAL_LOW_VOLTAGE` on
 /// all platforms).
 pub(super) const CRITICAL_BATTERY_V: f64 = 3.0;
 /// Time below the low voltage after which the firmware reports a low battery, s
-/// (`DEFAULT_BAT_LOW_DURATION_TO_TRIGGER_SEC`, `platform_defaults_cf2.h`). A shorter sag, as at
-/// take-off, does not count.
+/// (`DEFAULT_BAT_LOW_DURATION_TO_TRIGGER_SEC`, `platform_defaults_cf2.h`). Shorter sags are
+/// ignored.
 pub const LOW_BATTERY_S: f64 = 5.0;
-/// Oldest cflib with everything that the script uses: arming requests, and protocol 8.
+/// Oldest cflib that supports everything the script uses: arming requests, and protocol 8.
 pub const OLDEST_CFLIB: &str = "0.1.27";
 
 /// Kind of drone, as named by its firmware, which determines the firmware's limits.
@@ -65,8 +64,7 @@ pub enum Platform {
 }
 
 impl Platform {
-    /// Returns the names by which the firmware may identify itself (`platform_cf2.c`,
-    /// `platform_cf21bl.c`).
+    /// Returns the firmware's possible names for itself (`platform_cf2.c`, `platform_cf21bl.c`).
     pub fn names(self) -> &'static [&'static str] {
         match self {
             Self::Crazyflie2 => &["Crazyflie 2.1", "Crazyflie 2.0"],
@@ -86,11 +84,11 @@ impl Platform {
 
 /// Returns the maximum variance of an estimated coordinate that counts as settled, m².
 ///
-/// Lighthouse: 3 cm, the limit in Bitcraze's examples (cflib, `autonomous_sequence.py`). The filter
-/// settles at 1 mm. Ultra-wideband: 10 cm. With two-way ranges of 0.25 m (`lpsTwrTag.c`), 150 per
-/// second, and the filter's process noise of 0.5 m/s² in a millisecond, the filter settles at 3.4
-/// cm if the anchors are all around, and at two to three times as much next to them. Its estimate
-/// would never settle within 3 cm.
+/// For Lighthouse, the standard deviation is 3 cm, the limit in Bitcraze's examples (cflib,
+/// `autonomous_sequence.py`). The filter settles at 1 mm. For ultra-wideband it is 10 cm, because
+/// the filter would never settle within 3 cm. With 150 two-way ranges of σ = 0.25 m per second
+/// (`lpsTwrTag.c`) and its process noise of 0.5 m/s² in a millisecond, the filter settles at 3.4 cm
+/// inside the anchors, and at two to three times as much beside them.
 pub fn variance_m2(positioning: Positioning) -> f64 {
     match positioning {
         Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => 1e-3,
@@ -99,7 +97,7 @@ pub fn variance_m2(positioning: Positioning) -> f64 {
 }
 
 /// Returns true if a voltage is never below `low_v` for [`LOW_BATTERY_S`] without interruption.
-/// `voltages` are times and voltages.
+/// `voltages` contains pairs of time and voltage.
 fn lasts(voltages: impl Iterator<Item = (f64, f64)>, low_v: f64) -> bool {
     let mut low_since_s = None;
     for (time_s, voltage_v) in voltages {
@@ -114,18 +112,18 @@ fn lasts(voltages: impl Iterator<Item = (f64, f64)>, low_v: f64) -> bool {
     true
 }
 
-/// Number of steps in which the minimum charge is resolved: hundredths of a percent.
+/// Number of steps with which the minimum charge is resolved, each a hundredth of a percent.
 const CHARGE_STEPS: u32 = 10_000;
 /// Tolerance for rounded voltages, V.
 const VOLTAGE_ROUNDING_V: f64 = 1e-9;
 
-/// Voltages of a flight's battery.
+/// Battery voltages of a flight.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Battery {
-    /// Voltage at rest with the charge of the scene, V.
+    /// Voltage at rest with the scene's charge, V.
     pub rest_v: f64,
-    /// Minimum voltage at rest with which the flight stays above the firmware's limit, V. `None` if
-    /// not even a full battery suffices.
+    /// Minimum voltage at rest for a flight that stays above the firmware's limit, V. `None` if
+    /// even a full battery is insufficient.
     pub least_rest_v: Option<f64>,
     /// Maximum drop below the voltage at rest during the flight, V.
     pub sag_v: f64,
@@ -134,8 +132,8 @@ pub struct Battery {
 impl Battery {
     /// Returns the voltages of a simulated flight, or `None` if the scene's drone has no battery.
     ///
-    /// The currents are computed from the flight's voltages. The currents determine the voltages of
-    /// the same flight from any other charge.
+    /// The currents are computed from the flight's voltages, and determine the voltages of the same
+    /// flight from any other charge.
     pub fn new(options: &BatteryOptions, flight: &Flight, low_v: f64) -> Option<Self> {
         if options.capacity_ah <= 0.0 || options.resistance_ohm <= 0.0 {
             return None;
@@ -147,7 +145,7 @@ impl Battery {
             return None;
         }
         let least_frac = least_charge_frac(options, &loads(options, &voltages), low_v);
-        // At rest, the battery only supplies the idle current.
+        // At rest, the battery supplies only the idle current.
         let idle_v = options.resistance_ohm * options.idle_current_a;
         let rest_v = options.open_circuit_v(options.charge_frac) - idle_v;
         let lowest_v = voltages.iter().map(|(_, v)| *v).fold(f64::INFINITY, f64::min);
@@ -158,13 +156,13 @@ impl Battery {
         })
     }
 
-    /// Returns true if the battery lasts through the flight with the charge of the scene.
+    /// Returns true if the battery lasts through the flight, starting with the scene's charge.
     pub fn lasts(&self) -> bool {
         self.least_rest_v.is_some_and(|least_v| self.rest_v >= least_v - VOLTAGE_ROUNDING_V)
     }
 }
 
-/// Load on the battery at a sample of a flight.
+/// Load on the battery at one sample of a flight.
 struct Load {
     time_s: f64,
     /// Charge used since the start, as a fraction of the capacity.
@@ -173,7 +171,7 @@ struct Load {
     drop_v: f64,
 }
 
-/// Returns the loads that explain the times and voltages of a flight.
+/// Returns the loads implied by the times and voltages of a flight.
 fn loads(options: &BatteryOptions, voltages: &[(f64, f64)]) -> Vec<Load> {
     let (mut used_frac, mut previous_s) = (0.0, voltages.first().map_or(0.0, |first| first.0));
     let loads = voltages.iter().map(|(time_s, voltage_v)| {
@@ -207,15 +205,15 @@ fn least_charge_frac(options: &BatteryOptions, loads: &[Load], low_v: f64) -> Op
     least_frac
 }
 
-/// Facts about a flight's checks that exported files contain.
+/// Information about a flight's checks that exported files contain.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Checks {
     /// Kind of drone. `None` if its firmware is not Bitcraze's.
     pub platform: Option<Platform>,
     /// Positioning system of the drones.
     pub positioning: Positioning,
-    /// Minimum and maximum x, y, z of the volume in which `check` keeps the plans, which is within
-    /// the room if there is one.
+    /// Minimum and maximum of x, y and z in the volume in which `check` keeps the plans. It is
+    /// inside the room if there is one.
     pub volume_m: [[f64; 3]; 2],
     /// Width, depth and height of the room. `None` if the scene has no room.
     pub room_m: Option<[f64; 3]>,
@@ -223,12 +221,12 @@ pub struct Checks {
     pub batteries: Vec<Option<Battery>>,
     /// SHA-256 of the printed scene.
     pub scene_sha256: String,
-    /// The scene (TOML), which is written to the log.
+    /// Scene (TOML), which is copied to the log.
     pub scene_toml: String,
 }
 
-/// Returns the table of all checks for `docs/fly.md`, in the order in which they are made. The
-/// table's columns are the check, the program that makes it, its limit, and the source.
+/// Returns the table of all checks for `docs/fly.md`, in the order in which they are performed. Its
+/// columns are the check, the program that performs it, its limit, and the source.
 pub fn table() -> String {
     let [cf2, brushless] = [Platform::Crazyflie2, Platform::Brushless].map(Platform::low_battery_v);
     let [lighthouse, uwb] = [Positioning::Sweeps, Positioning::UwbTwr]
@@ -237,7 +235,7 @@ pub fn table() -> String {
     let corner = 100.0 * CORNER_M;
     let releases = [Release::OLDEST, Feature::CLOCK.last_without(), Feature::HEADING.since];
     let [oldest, slow, heading] = releases.map(Release::name);
-    // The numbers are those of the code, so that the page cannot differ.
+    // The numbers are taken from the code, so that the page cannot differ.
     format!(
         "\
 | what is checked | by | limit | from |
@@ -281,8 +279,7 @@ mod tests {
     use noctograph_plan::{PlanOptions, plan};
     use noctograph_sim::{Drone, SimOptions, fly};
 
-    /// Returns a flight of a short word from a charge, and true if the battery lasts by the table's
-    /// rule.
+    /// Returns the battery for a flight of a short word, and true if it lasts by the table's rule.
     fn flown(charge_frac: f64) -> (Battery, bool) {
         let mut options = SimOptions::default();
         options.battery.capacity_ah = 0.25;
@@ -324,8 +321,8 @@ mod tests {
         let extra = [(BATTERY_V.to_owned(), samples.iter().map(voltage_v).collect())].into();
         let flight = Flight::made(FlightData { samples, extra, ..FlightData::default() });
         let battery = Battery::new(&options, &flight, low_v).unwrap();
-        // The voltage may be low for the last 5 s, from 55 s on: 3.7 V without load, on the steep
-        // curve.
+        // The voltage may be low from 55 s on, for 5 s: 3.7 V without load, on the curve's steep
+        // part.
         let idle_v = options.resistance_ohm * options.idle_current_a;
         let least_frac = 0.1 * (low_v + drop_v - 3.0) / (3.78 - 3.0) + spent_frac(55.0);
         let least_v = options.open_circuit_v(least_frac) - idle_v;

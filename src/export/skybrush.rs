@@ -17,11 +17,11 @@ use noctograph_core::camera::Camera;
 use noctograph_core::error::Result;
 use noctograph_plan::{MIN_HORIZONTAL_M, Plan};
 
-/// Rate of the steps of a light program.
+/// Rate of the steps in a light program.
 const LIGHT_HZ: f64 = 50.0;
 /// Minimum duration of a trajectory's segment, s. The first drone does not wait for its turn.
 const MIN_SEGMENT_S: f64 = 1e-6;
-/// Distance between the drones and the show's altitude limit, m.
+/// Distance of the show's altitude limit above the drones, m.
 const HEADROOM_M: f64 = 0.5;
 // Commands of a light program.
 const END: u8 = 0;
@@ -36,7 +36,7 @@ pub(super) fn show(job: &Job<'_>) -> Result<File> {
     let first_start_s = earliest_s(job.plans)?;
     let drones =
         job.plans.iter().enumerate().map(|(index, plan)| drone(job, index, plan, first_start_s));
-    // The limits of the show's validation are those that no drone exceeds.
+    // The limits for validating the show are such that no drone exceeds them.
     let setpoints = job.plans.iter().flat_map(|plan| &plan.setpoints);
     let level_m_s = setpoints.clone().map(|s| s.velocity_m_s.xy().norm());
     let vertical_m_s = setpoints.clone().map(|s| s.velocity_m_s.z.abs());
@@ -60,8 +60,7 @@ pub(super) fn show(job: &Job<'_>) -> Result<File> {
     Ok(File { name: format!("{}.skyc", stem(job.word)), bytes: zip(&[file]) })
 }
 
-/// Returns a segment from rest to rest, whose control points are its ends. A segment without motion
-/// has none.
+/// Returns a segment from rest to rest. It has two control points, or none without motion.
 fn segment(from_m: Vector3<f64>, to: Rest) -> Value {
     let to_m = to.position_m;
     let control_m = if from_m == to_m { vec![] } else { vec![from_m.as_slice(), to_m.as_slice()] };
@@ -86,7 +85,7 @@ fn drone(job: &Job<'_>, index: usize, plan: &Plan, first_start_s: f64) -> Result
         points.push(json!([time_s, d.as_slice(), [b.as_slice(), c.as_slice()]]));
     }
     points.extend(timeline.after.map(|rest| segment(last_m, rest)));
-    // Lights are timed on the flight of the trajectory.
+    // Lights are timed by the flight of the trajectory.
     let lights = commands(&job.flown[index], job.light)?;
     let colors: Vec<(f64, [u8; 3])> =
         lights.iter().map(|command| (command.time_s, screen_rgb(command, job.light))).collect();
@@ -98,14 +97,14 @@ fn drone(job: &Job<'_>, index: usize, plan: &Plan, first_start_s: f64) -> Result
             "landAt": timeline.after[1].position_m.as_slice(),
             "trajectory": { "version": 1, "points": points, "takeoffTime": 0.0 },
             "lights": { "version": 1, "data": BASE64_STANDARD.encode(program(&colors)) },
-            // The heading is in degrees, clockwise from above, from the x axis of the show.
+            // The heading is in degrees, clockwise from above, starting at the x-axis of the show.
             "yawControl": { "version": 1, "setpoints": [[0.0, -plan.yaw_rad.to_degrees()]] },
         },
     }))
 }
 
-/// Encodes the light program of a drone, which is initially dark. Each change is a time since the
-/// take-off command in s, and the color from then on.
+/// Encodes the light program of a drone, which is initially dark. Each change consists of a time
+/// since the take-off command, s, and the color from then on.
 fn program(changes: &[(f64, [u8; 3])]) -> Vec<u8> {
     let mut colors = vec![(0, [0; 3])];
     for (time_s, color) in changes {
@@ -113,7 +112,7 @@ fn program(changes: &[(f64, [u8; 3])]) -> Vec<u8> {
         let step = (time_s * LIGHT_HZ).round() as u64;
         colors.push((step, *color));
     }
-    // A color lasts until the next one. Of several colors in one step, the last one is used.
+    // A color lasts until the next one. If a step contains several colors, the last one is used.
     let mut bytes = Vec::new();
     for (index, &(from, color)) in colors.iter().enumerate() {
         let until = colors.get(index + 1).map_or(from + 1, |next| next.0);
@@ -131,8 +130,7 @@ fn program(changes: &[(f64, [u8; 3])]) -> Vec<u8> {
     bytes
 }
 
-/// Appends a number in bytes of seven bits, with the lowest first. The highest bit of a byte is set
-/// if another byte follows.
+/// Appends a number in 7-bit bytes, the lowest first. The highest bit announces another byte.
 fn varuint(bytes: &mut Vec<u8>, mut value: u64) {
     while value > 127 {
         bytes.push((value & 127) as u8 | 128);
@@ -142,9 +140,9 @@ fn varuint(bytes: &mut Vec<u8>, mut value: u64) {
     bytes.push(value as u8);
 }
 
-/// Returns the photographer's camera. Unrotated, Skybrush's looks along -z with +y up.
+/// Returns the photographer's camera. An unrotated camera in Skybrush looks along -z with +y up.
 fn camera(camera: &Camera) -> Value {
-    // The camera of this program looks along +z with y down.
+    // This program's camera looks along +z with y down.
     let world_from_camera = camera.camera_from_world.transpose()
         * nalgebra::Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0));
     let rotation = Rotation3::from_matrix_unchecked(world_from_camera);

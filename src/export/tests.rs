@@ -1,7 +1,7 @@
 //! Tests of trajectories with random plans, and with recorded responses of other programs.
 //!
-//! A recorded file contains comment lines (`#`) with the program and its version, a line `bytes` in
-//! hexadecimal, and rows of the time in s with position, velocity and acceleration in m and s.
+//! A recorded file contains comment lines (`#`) that state the program and its version, a line
+//! `bytes` in hexadecimal, and rows of time, position, velocity and acceleration in m and s.
 
 use nalgebra::Vector3;
 use proptest::array::uniform3;
@@ -24,10 +24,10 @@ use noctograph_plan::{Plan, PlanData, PlanOptions, Setpoint, plan};
 use noctograph_sim::sensors::Positioning;
 use noctograph_sim::{ControllerKind, SimOptions};
 
-/// A time, and the position, velocity and acceleration at this time.
+/// Time, with the position, velocity and acceleration at that time.
 pub(super) type Row = (f64, [Vector3<f64>; 3]);
 
-/// Returns the bytes that the program was given, and its responses.
+/// Returns the bytes that were given to the program, and its responses.
 pub(super) fn read(text: &str) -> (Vec<u8>, Vec<Row>) {
     let mut bytes = Vec::new();
     let mut rows = Vec::new();
@@ -66,8 +66,8 @@ pub(super) fn decoded(bytes: &[u8]) -> Compressed {
     Compressed { pieces, yaw }
 }
 
-/// Compares this program's evaluation with the recorded responses, within the single precision of
-/// the other programs. At a time of 35 s this precision is 4 µs, in which a drone flies 1 µm.
+/// Compares this program's evaluation with the recorded responses, to within the single precision
+/// of the other programs. At a time of 35 s this precision is 4 µs, in which a drone flies 1 µm.
 pub(super) fn assert_same(rows: &[Row], pieces: &[Polynomials]) {
     for (time_s, want) in rows {
         let answer = motion(pieces, *time_s);
@@ -125,7 +125,7 @@ fn a_name_keeps_its_letters_in_the_name_of_a_file() {
     }
 }
 
-/// Calls `act` with a job for plans of the word I, which Lee's controller flies.
+/// Calls `act` with a job for plans of the word I under Lee's controller.
 fn with_job<T>(plans: &[Plan], flown: &[Plan], act: impl FnOnce(Job<'_>) -> T) -> T {
     let mut sim = SimOptions::default();
     sim.controller.kind = ControllerKind::Geometric;
@@ -155,7 +155,7 @@ fn with_job<T>(plans: &[Plan], flown: &[Plan], act: impl FnOnce(Job<'_>) -> T) -
     })
 }
 
-/// Returns the plan of a word. Each drone writes 1.5 m to the right of the last, 3 s later.
+/// Returns the plan of a word. Each drone writes 1.5 m to the right of the previous one, 3 s later.
 fn planned(word: &str, drone: u32) -> Plan {
     let strokes = write(word, &LetterOptions::default()).unwrap();
     let mut plan = plan(&strokes, &PlanOptions::even()).unwrap();
@@ -168,7 +168,7 @@ fn planned(word: &str, drone: u32) -> Plan {
     plan
 }
 
-/// Returns a plan of setpoints with time, position, velocity and level of the headlights.
+/// Returns a plan of setpoints with time, position, velocity and headlight level.
 fn lit(rows: &[(f64, [f64; 3], [f64; 3], f64)]) -> Plan {
     let setpoint =
         |&(time_s, place_m, velocity_m_s, _): &(f64, [f64; 3], [f64; 3], f64)| Setpoint {
@@ -308,7 +308,7 @@ fn a_skybrush_show_has_the_ways_the_limits_and_the_camera() {
         (export(Format::Skyc, &job).unwrap().remove(0), focal)
     });
     assert_eq!(file.name, "I.skyc");
-    // A stored entry consists of its head, its name and its contents.
+    // A stored entry consists of its header, its name and its contents.
     let size = u32::from_le_bytes(file.bytes[18..22].try_into().unwrap()) as usize;
     let show: Value = serde_json::from_slice(&file.bytes[39..39 + size]).unwrap();
     assert_eq!(show["environment"]["cameras"][0]["focalLength"], focal);

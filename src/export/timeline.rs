@@ -1,8 +1,8 @@
-//! Timing of a flight with a trajectory on board, from take-off to landing.
+//! Timing of a flight with an onboard trajectory, from take-off to landing.
 //!
 //! The flight consists of take-off, the path to the first letter, a hover until the drone's turn,
-//! the letters, and a hover and a landing for a drone that loses its radio link. The script lands
-//! before that. Segments from rest to rest are polynomials of degree 7, like those of the
+//! the letters, and a hover and a landing in case the radio link is lost. Otherwise the script
+//! lands earlier. Segments from rest to rest are polynomials of degree 7, like those of the
 //! firmware's high-level commander.
 
 use nalgebra::Vector3;
@@ -16,11 +16,11 @@ use noctograph_plan::Plan;
 const TAKE_OFF_S: f64 = 3.5;
 /// Duration of the hover before the script lands, s.
 const HOVER_S: f64 = 0.5;
-/// Duration of the hover after the time at which the script lands, s, after which the trajectory
-/// lands without it.
+/// Duration of the hover after the script's landing time, s, after which the trajectory lands by
+/// itself.
 const WITHOUT_LINK_S: f64 = 3.0;
 /// Depth below the floor at which a landing without a script ends, m. A goal below the floor keeps
-/// the drone on it.
+/// the drone on the floor.
 const BELOW_FLOOR_M: f64 = 0.1;
 /// Minimum duration of a landing, s.
 const MIN_LAND_S: f64 = 2.0;
@@ -47,12 +47,12 @@ pub(super) struct Segment {
 }
 
 const UP: &[usize] = &[2];
-/// Both horizontal axes move even if the ends are the same, because a drone that is not exactly at
-/// the plan's start flies there.
+/// Both horizontal axes move even if the ends are equal, so that a drone slightly away from the
+/// plan's start flies there.
 const LEVEL: &[usize] = &[0, 1];
 const HOVER: &[usize] = &[];
 
-/// A moment at which a drone is at rest.
+/// Moment and position of a drone at rest.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rest {
     /// Time since the take-off command, s.
@@ -60,27 +60,27 @@ pub(super) struct Rest {
     pub(super) position_m: Vector3<f64>,
 }
 
-/// Times and positions of a drone with a trajectory on board. Time zero is the take-off command.
+/// Times and positions of a drone with an onboard trajectory. Time zero is the take-off command.
 pub(super) struct Timeline {
     /// Time of the take-off command by the plan's clock, s.
     pub(super) zero_s: f64,
-    /// Rests before the trajectory: on the floor, above it, at the first letter, and at the
-    /// trajectory's start.
+    /// Positions of rest before the trajectory: floor, hover above it, first letter, trajectory's
+    /// start.
     pub(super) before: [Rest; 4],
-    /// Rests after the trajectory: at the end of a hover, and on the floor.
+    /// Positions of rest after the trajectory: the end of a hover, and the floor.
     pub(super) after: [Rest; 2],
 }
 
 impl Timeline {
-    /// Times the flight around a trajectory from `first_m` to `last_m`, if the first trajectory of
-    /// all drones starts at `first_start_s`.
+    /// Times the flight around a trajectory from `first_m` to `last_m`. `first_start_s` is the
+    /// start of the first of all drones' trajectories.
     pub(super) fn new(
         plan: &Plan,
         stretch: &Stretch,
         first_start_s: f64,
         [first_m, last_m]: [Vector3<f64>; 2],
     ) -> Self {
-        // The drone flies straight up and level to the first letter, and hovers until its turn.
+        // The drone flies straight up, then level to the first letter, and hovers until its turn.
         let home_m = plan.setpoints[0].position_m;
         let above_m = Vector3::new(home_m.x, home_m.y, first_m.z);
         let zero_s = zero_s(first_start_s);
@@ -125,8 +125,7 @@ impl Timeline {
         ]
     }
 
-    /// Returns the position at `time_s`, m. `trajectory_m` returns the trajectory's position at a
-    /// time since its start.
+    /// Returns the position at `time_s`, m. `trajectory_m` takes the time since the start.
     pub(super) fn position_m(
         &self,
         time_s: f64,

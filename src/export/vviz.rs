@@ -3,9 +3,9 @@
 //! The file contains steps of position in meters at 10 Hz from each drone's home, with x to the
 //! right, y up and z forward, and a color for each frame at 20 Hz. Sources: docs.verge.aero ("VVIZ
 //! format") for the header and the axes, finale3d.com ("vviz file format") for the home and the
-//! steps, and public exporters to Finale 3D for `Light`. `frames` of a color is omitted, because no
-//! document states if it counts from the previous color or to the next one. One color per frame
-//! means the same in both interpretations.
+//! steps, and public exporters to Finale 3D for `Light`. The attribute `frames` of a color is
+//! omitted, because no document states whether it counts from the previous color or to the next
+//! one. With one color per frame, both interpretations agree.
 
 use nalgebra::Vector3;
 use serde_json::{Value, json};
@@ -18,10 +18,10 @@ use noctograph_plan::Plan;
 /// Rates of the positions and of the color frames.
 const POSITION_HZ: f64 = 10.0;
 const COLOR_HZ: f64 = 20.0;
-/// Number of rounding steps per meter, which makes 0.1 mm.
+/// Number of rounding steps per meter, each 0.1 mm.
 const ROUNDING_PER_M: f64 = 1e4;
 
-/// Returns the `.vviz` file of a job. Refuses a plan with a heading.
+/// Returns the `.vviz` file of a job, or an error for a plan with a heading.
 pub(super) fn show(job: &Job<'_>) -> Result<File> {
     if let Some(plan) = job.plans.iter().find(|plan| plan.yaw_rad != 0.0) {
         let wanted =
@@ -29,7 +29,7 @@ pub(super) fn show(job: &Job<'_>) -> Result<File> {
         let hint = "export a show for Skybrush, which has headings, or plan with 0";
         return Err(Error::input("plan.yaw_rad", plan.yaw_rad, wanted, hint));
     }
-    // y is up in the show, and z in the plan.
+    // The y-axis points up in the show, and the z-axis in the plan.
     let drones = job.plans.iter().zip(job.flown).enumerate().map(|(index, (plan, flown))| {
         let home = plan.setpoints[0].position_m;
         Ok(json!({
@@ -56,7 +56,7 @@ pub(super) fn show(job: &Job<'_>) -> Result<File> {
     Ok(File::new(format!("{}.vviz", stem(job.word)), format!("{}\n", ascii(&show))))
 }
 
-/// Returns a drone's steps from each sampled position to the next, beginning with a step of zero.
+/// Returns a drone's steps from each sampled position to the next, beginning with a zero step.
 fn steps(flown: &Plan) -> Vec<Value> {
     // The steps are differences of rounded positions, so that rounding errors do not accumulate.
     let positions_m = samples(flown, POSITION_HZ).map(|(_, position_m)| position_m);
@@ -71,7 +71,7 @@ fn steps(flown: &Plan) -> Vec<Value> {
 fn colors(job: &Job<'_>, flown: &Plan) -> Result<Vec<Value>> {
     let lights = commands(flown, job.light)?;
     let colors = samples(flown, COLOR_HZ).map(|(time_s, _)| {
-        // The nearest frame, within half a period, shows a change.
+        // A change is shown by the nearest frame, within half a period.
         let latest = lights.iter().rfind(|c| c.time_s <= time_s + 0.5 / COLOR_HZ);
         let [r, g, b] = latest.map_or([0; 3], |command| screen_rgb(command, job.light));
         json!({ "r": r, "g": g, "b": b })

@@ -1,5 +1,5 @@
-//! Writes zip archives without compression (PKWARE's APPNOTE 6.3). Entries are stored with the date
-//! of 1980, so that the same files make the same bytes.
+//! Writes zip archives without compression (PKWARE's APPNOTE 6.3). Entries are dated 1980, so that
+//! the same files yield the same bytes.
 
 use super::File;
 
@@ -10,7 +10,7 @@ pub fn zip(files: &[File]) -> Vec<u8> {
     for File { name, bytes: content } in files {
         let size = length(content.len());
         let offset = length(archive.len());
-        // The fields are: version 2.0, UTF-8 names, stored, and midnight of 1 January 1980.
+        // The fields are: version 2.0, UTF-8 names, "stored", and midnight of 1 January 1980.
         let mut header: Vec<u8> = [20_u16, 1 << 11, 0, 0, 33].map(u16::to_le_bytes).concat();
         header.extend([crc32fast::hash(content), size, size].map(u32::to_le_bytes).concat());
         // The last fields are the lengths of the name and of the extra field, which is empty.

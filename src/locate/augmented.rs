@@ -1,7 +1,7 @@
-//! Locates N drones from ranges, with any start: the state is augmented with squares and products.
+//! Locates N drones from ranges, with any start. The state is augmented with squares and products.
 //!
 //! With `n_i` = |`p_i|²` and `z_ij` = `p_iᵀ` `p_j` as additional states and known displacements
-//! `δ_i`, motion and squared ranges are linear:
+//! `δ_i`, the motion and the squared ranges become linear:
 //!
 //! ```text
 //! p_i ← p_i + δ_i     n_i ← n_i + 2 δ_iᵀ p_i + |δ_i|²
@@ -9,10 +9,10 @@
 //! d_ik² = n_i − 2 a_kᵀ p_i + |a_k|²     q_ij² = n_i + n_j − 2 z_ij
 //! ```
 //!
-//! so that a Kalman filter converges from any start, unless motion and anchors lie in one plane.
+//! A Kalman filter therefore converges from any start, unless motion and anchors lie in one plane.
 //! [`Augmented::positions`] fits positions to this state by Gauss–Newton, weighted by its
 //! covariance, and returns them as a [`Positions`] filter. [`locate_augmented`] starts at the
-//! middle of the anchors and switches to that filter after five seconds. Later ranges do not
+//! center of the anchors and switches to that filter after five seconds. Later ranges do not
 //! improve earlier positions.
 //!
 //! Sources: P. Batista, C. Silvestre, P. Oliveira, Systems & Control Letters 60 (2011) 665. G.
@@ -30,17 +30,17 @@ use super::{Link, LocateOptions, Located, RangeSample, Room, Track};
 use noctograph_core::error::{Error, Result};
 use noctograph_sim::kalman::{Entry, Measurement, Normal, Part};
 
-/// Offsets of Gauss–Newton's starts along the least certain direction, in standard deviations.
+/// Offsets of the Gauss–Newton starts along the least certain direction, in standard deviations.
 const STARTS: [f64; 5] = [0.0, -1.0, 1.0, -2.0, 2.0];
 const HAND_OVER_S: f64 = 5.0;
-/// Random walk of the error in the known motion, m/√s, for velocities that are estimated on board.
+/// Random walk of the error in the known motion, m/√s, for velocities estimated on board.
 const MOTION_SIGMA_M_SQRT_S: f64 = 0.05;
-/// Cost that is added for positions outside the room, which exceeds the cost of any fit inside.
+/// Additional cost of positions outside the room, which exceeds the cost of any fit inside it.
 const OUTSIDE_COST: f64 = 1e6;
-/// Minimum eigenvalue of the scaled covariance, which may be singular.
+/// Minimum eigenvalue assumed for the scaled covariance, which may be singular.
 const LEAST_EIGENVALUE: f64 = 1e-13;
 
-/// Linear filter on positions, their squares and their products.
+/// Linear filter for positions, their squares and their products.
 #[derive(Clone, Debug)]
 pub struct Augmented {
     anchors_m: Vec<Vector3<f64>>,
@@ -51,7 +51,7 @@ pub struct Augmented {
 }
 
 impl Augmented {
-    /// Starts the filter at `starts_m`, with the standard deviation `sigma_m` on each axis.
+    /// Starts the filter at `starts_m` with a standard deviation of `sigma_m` on each axis.
     pub fn new(anchors_m: &[Vector3<f64>], starts_m: &[Vector3<f64>], sigma_m: f64) -> Self {
         let n = starts_m.len();
         let origin_m = starts_m.iter().sum::<Vector3<f64>>() / n.max(1) as f64;
@@ -59,8 +59,7 @@ impl Augmented {
             starts_m.iter().map(|start| start - origin_m).collect();
         let positions_m = flattened(&positions_m);
         let variance = sigma_m * sigma_m;
-        // Mean and covariance are the moments of a normal distribution, with second-order terms of
-        // the products.
+        // Mean and covariance include the second-order terms of normally distributed products.
         let (mut state, jacobian) = (augmented(&positions_m), augmented_jacobian(&positions_m));
         state.rows_mut(3 * n, n).add_scalar_mut(3.0 * variance);
         let mut covariance = &jacobian * jacobian.transpose() * variance;
@@ -72,14 +71,14 @@ impl Augmented {
         Self { anchors_m, n, normal: Normal::new(state, covariance), origin_m }
     }
 
-    /// Moves the drones by `moved_m`, which has the variance `variance_m2` on each axis.
+    /// Moves the drones by `moved_m`, with a variance of `variance_m2` on each axis.
     pub fn advance(&mut self, moved_m: &[Vector3<f64>], variance_m2: f64) {
         let (n, moved_m) = (self.n, flattened(moved_m));
         // x ← F(δ) x + m(δ): squares and products change by the Jacobian of m at the displacement.
         let motion = augmented_jacobian(&moved_m);
         let entries = (3 * n..motion.nrows()).flat_map(|i| (0..3 * n).map(move |j| (i, j)));
         let transition: Vec<Entry> = entries.map(|(i, j)| (i, j, motion[(i, j)])).collect();
-        // The displacement's noise acts at the new positions, and its square adds to the mean.
+        // The displacement's noise acts at the new positions, and its square is added to the mean.
         let noise = augmented_jacobian(&(self.normal.mean.rows(0, 3 * n) + &moved_m));
         self.normal.predict(&transition, &[]);
         self.normal.mean += augmented(&moved_m);
@@ -91,7 +90,7 @@ impl Augmented {
     pub fn correct(&mut self, link: Link, distance_m: f64, sigma_m: f64) {
         let n = self.n;
         let variance_m2 = sigma_m * sigma_m;
-        // The squared range is linear in the state, and its noise has the mean σ².
+        // The squared range is linear in the state, and its noise has a mean of σ².
         let mut value = distance_m * distance_m - variance_m2;
         let jacobian = match link {
             Link::Anchor { drone, anchor } => {
@@ -117,15 +116,15 @@ impl Augmented {
         (position_m, self.normal.block(3 * drone, 3 * drone))
     }
 
-    /// Returns the filter of the positions that best fit the state, by Gauss–Newton. If motion and
+    /// Returns a filter for the positions that best fit the state, by Gauss–Newton. If motion and
     /// anchors lie in parallel planes, the mirror image behind the anchors has the same ranges, and
     /// only `room` distinguishes the two.
     pub fn positions(&self, room: Option<&Room>, gate_sigmas: f64) -> Positions {
         let Normal { mean, covariance, .. } = &self.normal;
         let m = 3 * self.n;
-        // The residuals in standard deviations are W (x − m(p)).
+        // In units of standard deviations, the residuals are W (x − m(p)).
         let whiten = whitening(covariance);
-        // Fits start along the least certain direction of the positions, and at the mirror image.
+        // Fits start along the least certain direction of the positions, and at their mirror image.
         let position_covariance = covariance.view((0, 0), (m, m)).into_owned();
         let weakest = position_covariance.clone().symmetric_eigen();
         let k = weakest.eigenvalues.imax();
@@ -154,14 +153,13 @@ impl Augmented {
         Positions::with(anchors_m, Normal::new(positions_m, covariance_m2), gate_sigmas)
     }
 
-    /// Returns the positions mirrored at the anchors' middle, where `along` is the least certain
-    /// direction.
+    /// Returns the positions mirrored at the anchors' plane, whose normal is `along`.
     fn mirrored(&self, along: &DVector<f64>) -> DVector<f64> {
         let n_anchors = self.anchors_m.len().max(1) as f64;
         let middle_m = self.anchors_m.iter().sum::<Vector3<f64>>() / n_anchors;
         let mut positions_m = self.normal.mean.rows(0, 3 * self.n).into_owned();
         for drone in 0..self.n {
-            // The least certain direction of a drone is the normal of the anchors' plane.
+            // The least certain direction of a drone is normal to the anchors' plane.
             let normal = along.fixed_rows::<3>(3 * drone).into_owned();
             if let Some(normal) = normal.try_normalize(1e-12) {
                 let mut position_m = positions_m.fixed_rows_mut::<3>(3 * drone);
@@ -173,7 +171,7 @@ impl Augmented {
     }
 }
 
-/// Returns a `W` for which `WᵀW` inverts a covariance, from eigenvectors of the correlations.
+/// Returns a `W` for which `WᵀW` is a covariance's inverse, from eigenvectors of the correlations.
 fn whitening(covariance: &DMatrix<f64>) -> DMatrix<f64> {
     let scale = covariance.diagonal().map(|v| 1.0 / v.max(f64::MIN_POSITIVE).sqrt());
     let scaled =
@@ -185,12 +183,12 @@ fn whitening(covariance: &DMatrix<f64>) -> DMatrix<f64> {
         * DMatrix::from_diagonal(&scale)
 }
 
-/// Returns the coordinates of all vectors in one column.
+/// Returns the coordinates of all vectors as one column.
 fn flattened(vectors_m: &[Vector3<f64>]) -> DVector<f64> {
     DVector::from_iterator(3 * vectors_m.len(), vectors_m.iter().flatten().copied())
 }
 
-/// Returns the augmented state m(p): the positions, their squares and their products.
+/// Returns the augmented state m(p), which consists of positions, squares and products.
 fn augmented(p: &DVector<f64>) -> DVector<f64> {
     let n = p.len() / 3;
     let mut x = p.clone().resize_vertically(n_states(n), 0.0);
@@ -208,8 +206,8 @@ fn augmented(p: &DVector<f64>) -> DVector<f64> {
 fn augmented_jacobian(p: &DVector<f64>) -> DMatrix<f64> {
     let n = p.len() / 3;
     let mut jacobian = DMatrix::identity(n_states(n), 3 * n);
-    // The Jacobian is the identity for the positions, ∂|p|² = 2pᵀ for a square, and the other
-    // position for a product.
+    // The Jacobian is the identity for positions, 2pᵀ for |p|², and the other position for a
+    // product.
     for i in 0..n {
         for axis in 0..3 {
             jacobian[(3 * n + i, 3 * i + axis)] = 2.0 * p[3 * i + axis];
@@ -222,7 +220,7 @@ fn augmented_jacobian(p: &DVector<f64>) -> DMatrix<f64> {
     jacobian
 }
 
-/// Returns the total number of positions, squares and products for `n` drones.
+/// Returns the total number of augmented states for `n` drones.
 fn n_states(n: usize) -> usize {
     4 * n + n * (n - 1) / 2
 }
@@ -233,12 +231,11 @@ fn product(n: usize, i: usize, j: usize) -> usize {
     4 * n + i * (2 * n - i - 1) / 2 + j - i - 1
 }
 
-/// Locates drones with the augmented state's linear filter, then with an extended Kalman filter.
+/// Locates drones with the linear augmented filter, then with an extended Kalman filter.
 ///
 /// # Errors
 ///
-/// Returns [`Error::Input`] for a range that is not a distance, and for an unlisted drone or
-/// anchor.
+/// Returns [`Error::Input`] for an invalid distance, and for an unlisted drone or anchor.
 pub fn locate_augmented(
     anchors_m: &[Vector3<f64>],
     tracks: &[Track],
@@ -250,7 +247,7 @@ pub fn locate_augmented(
     let Some(mut before_s) = samples.first().map(|first| first.time_s) else {
         return Err(Error::input("ranges", "none", "a range", "log the ranges of the flight"));
     };
-    // All drones start at the middle of the anchors, whose extent is the standard deviation.
+    // All drones start at the anchors' center, with the anchors' extent as standard deviation.
     let hand_over_s = before_s + HAND_OVER_S;
     let starts_m = vec![(low_m + high_m) * 0.5; tracks.len()];
     let reach_m = (high_m - low_m).norm().max(1.0);
@@ -267,7 +264,7 @@ pub fn locate_augmented(
             None => linear.advance(&moved_m, variance_m2),
             Some(positions) => positions.advance(&moved_m, variance_m2),
         }
-        // The linear filter has converged by now, and the extended Kalman filter continues from it.
+        // By now the linear filter has converged, and the extended Kalman filter continues from it.
         if handed_over.is_none() && time_s >= hand_over_s {
             handed_over = Some(linear.positions(None, GATE_SIGMAS));
         }
@@ -296,8 +293,7 @@ mod tests {
 
     #[test]
     fn without_noise_the_linear_filter_finds_any_start_to_a_micrometer() {
-        // Two drones fly figures in space, from starts with an error of 3 m, which the filter does
-        // not trust.
+        // Two drones fly figures in space. Their starts have an error of 3 m and are not trusted.
         let mut random = Random(5);
         let anchors_m = GEOMETRIES[0].1.map(Vector3::from);
         fn place(drone: usize, time_s: f64) -> Vector3<f64> {
@@ -322,8 +318,8 @@ mod tests {
     }
 
     /// Returns how many of 60 starts, with an error of 5 m over both drones, are within 25 cm after
-    /// 20 s of writing. If `linear` is true, the linear filter starts and hands over in a room.
-    /// Otherwise the extended Kalman filter starts.
+    /// 20 s of writing. If `linear` is true, the linear filter starts, with a room, and is later
+    /// replaced. Otherwise the extended Kalman filter is used from the start.
     fn converged(anchors_m: [[f64; 3]; 3], linear: bool, room: Option<&Room>) -> usize {
         let anchors_m = anchors_m.map(Vector3::from);
         let place = path();

@@ -1,4 +1,4 @@
-//! Finds positions of all drones that fit a few ranges, by the method of Levenberg and Marquardt.
+//! Fits positions of all drones to a few ranges by the method of Levenberg and Marquardt.
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
@@ -7,19 +7,20 @@ use super::positions::range_jacobian;
 use noctograph_sim::kalman::Part;
 
 const FIT_STEPS: usize = 40;
-/// Initial damping, its factors after a better state and after a worse one, and its minimum.
+/// Initial damping, its factors after an improvement and after a failure, and its minimum.
 const DAMPING: f64 = 1e-2;
 const DAMPING_FACTORS: [f64; 2] = [0.2, 5.0];
 const LEAST_DAMPING: f64 = 1e-12;
 
-/// A link and its range.
+/// A link and its measured range.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Observation {
     pub(super) link: Link,
     pub(super) distance_m: f64,
 }
 
-/// Returns the Jacobian of ranges with respect to positions, and measured minus expected ranges.
+/// Returns the Jacobian of the ranges with respect to the positions, and the residuals, which are
+/// the measured minus the expected ranges.
 pub(super) fn residuals(
     anchors_m: &[Vector3<f64>],
     ranges: &[Observation],
@@ -39,7 +40,7 @@ pub(super) fn residuals(
     (jacobian, residuals_m)
 }
 
-/// Returns the sum of squared residuals and the best fit, starting from `positions_m`.
+/// Returns the sum of squared residuals and the best fit, starting at `positions_m`.
 pub(super) fn fit(
     anchors_m: &[Vector3<f64>],
     ranges: &[Observation],
@@ -50,9 +51,9 @@ pub(super) fn fit(
     (cost, positions_m)
 }
 
-/// Minimizes a sum of squares from `solution` (Levenberg 1944, Marquardt 1963). `problem` returns
-/// the Jacobian and the residuals at a state. `unit` scales the damping of a diagonal element of
-/// the normal matrix. Returns the sum of squares, the solution, and the Jacobian at the solution.
+/// Minimizes a sum of squares, starting at `solution` (Levenberg 1944, Marquardt 1963). `problem`
+/// returns the Jacobian and the residuals at a state. `unit` scales the damping of each diagonal
+/// element of the normal matrix. Returns the sum of squares, the solution, and its Jacobian.
 pub(super) fn descend(
     problem: impl Fn(&DVector<f64>) -> (DMatrix<f64>, DVector<f64>),
     unit: impl Fn(f64) -> f64,
@@ -61,8 +62,8 @@ pub(super) fn descend(
     let (mut jacobian, mut residuals_m) = problem(&solution);
     let mut damping = DAMPING;
     for _ in 0..FIT_STEPS {
-        // The step solves (JᵀJ + damping) step = Jᵀ residuals. A better state is accepted and
-        // lowers the damping. A worse state is rejected and raises it.
+        // The step solves (JᵀJ + damping) step = Jᵀ residuals. An improved state is accepted and
+        // lowers the damping. Any other state is rejected and raises it.
         let mut normal = jacobian.transpose() * &jacobian;
         (0..solution.len()).for_each(|i| normal[(i, i)] += damping * unit(normal[(i, i)]));
         let right = jacobian.transpose() * &residuals_m;

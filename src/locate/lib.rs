@@ -1,12 +1,11 @@
 //! Localization of drones from ranges, independent of any controller.
 //!
-//! [`SharedAnchorObserver`] is the published observer of two drones with a common anchor. This
-//! observer only converges from starts close to the true positions ([`fraction_left`],
-//! [`observability`]). [`Augmented`] converges from any start, and continues as [`Positions`]. Both
-//! observers need the motion ([`locate_shared`], [`locate_augmented`]). [`locate`] only needs the
-//! ranges of a log.
+//! [`SharedAnchorObserver`] is the published observer of two drones with a common anchor. It only
+//! converges from starts close to the true positions ([`fraction_left`], [`observability`]).
+//! [`Augmented`] converges from any start, and continues as [`Positions`]. Both observers require
+//! the motion ([`locate_shared`], [`locate_augmented`]). [`locate`] only requires ranges.
 //!
-//! The filter that flies is the estimator `cooperative`.
+//! The filter that runs in flight is the estimator `cooperative`.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
@@ -36,7 +35,7 @@ pub use shared_anchor::{FiveRanges, SharedAnchorObserver, locate_shared, shared_
 pub use smoother::{LocateOptions, Located, check_count, locate};
 pub use track::Track;
 
-/// The two ends of a range.
+/// Link, given by the two ends of a range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Link {
     /// A drone and an anchor.
@@ -46,7 +45,7 @@ pub enum Link {
         /// Index of the anchor.
         anchor: usize,
     },
-    /// Indices of two drones, with the lower index first.
+    /// Indices of two drones, the lower index first.
     Drones(usize, usize),
 }
 
@@ -91,10 +90,10 @@ impl std::fmt::Display for Link {
     }
 }
 
-/// Maximum range that can be a measurement: 10 km.
+/// Maximum plausible range, 10 km.
 const MOST_DISTANCE_M: f64 = 1e4;
 
-/// A single range of a log.
+/// A single range in a log.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RangeSample {
     /// Time of the measurement.
@@ -106,7 +105,7 @@ pub struct RangeSample {
 }
 
 impl RangeSample {
-    /// Returns true if the numbers can be a measurement.
+    /// Returns true if the values are plausible for a measurement.
     fn is_measurement(&self) -> bool {
         self.distance_m > 0.0 && self.distance_m < MOST_DISTANCE_M && self.time_s.is_finite()
     }
@@ -145,7 +144,7 @@ mod tests {
     use noctograph_letters::{LetterOptions, write};
     use noctograph_plan::{EvenStyle, PlanOptions, Style, fleet};
 
-    /// Anchors in different geometries: each drone's own anchor, followed by the shared anchor.
+    /// Anchors in different geometries: first those that one drone receives, then the shared one.
     pub(super) const GEOMETRIES: [(&str, [[f64; 3]; 3]); 4] = [
         ("good", [[-2.5, -2.5, 2.4], [2.5, -2.5, 0.2], [0.5, 2.5, 2.4]]),
         ("wall", [[-2.5, 2.5, 0.2], [2.5, 2.5, 0.4], [0.0, 2.5, 2.4]]),
@@ -161,17 +160,17 @@ mod tests {
         }
     }
 
-    /// Returns the designed positions of two drones that write NOOR.
+    /// Returns the designed positions of two drones while they write NOOR.
     pub(super) fn path() -> impl Fn(usize, f64) -> Vector3<f64> {
         let strokes = write("NOOR", &LetterOptions::default()).unwrap();
-        // With the default hover and anchors in a line, 58 of 60 starts converge instead of 59.
+        // With the default hover and collinear anchors, 58 of 60 starts converge instead of 59.
         let style = Style::Even(EvenStyle { hover_s: 0.5, ..EvenStyle::default() });
         let plans = fleet(&strokes, &PlanOptions { drones: 2, style, ..PlanOptions::even() });
         let plans = plans.unwrap();
         move |drone, time_s| plans[drone].design_m(time_s)
     }
 
-    /// Random number generator with a seed.
+    /// Random number generator whose state starts as the seed.
     pub(super) struct Random(pub(super) u64);
 
     impl Random {

@@ -1,16 +1,15 @@
-//! Removes duplicates of ranges between drones, which both drones may log.
+//! Removes duplicate ranges between drones, which both drones may log.
 
 use std::collections::BTreeMap;
 
 use super::{Link, RangeSample};
 
-/// Maximum differences between two logs of a range, in s and m, because logs round to millimeters.
+/// Maximum differences between two logs of the same range, in s and m. Logs round to millimeters.
 const SAME_S: f64 = 0.1;
 const SAME_M: f64 = 5.1e-4;
 
 /// Returns the samples with each range between two drones only once. `Link::Drones(i, j)` is a
-/// range in the log of drone i. The copy of this range in the log of drone j is dropped if time and
-/// distance agree.
+/// range in the log of drone i. The copy in drone j's log is dropped if time and distance agree.
 pub(super) fn without_duplicates(samples: &[RangeSample]) -> Vec<RangeSample> {
     let mut first_logs: BTreeMap<(usize, usize), Vec<(f64, f64)>> = BTreeMap::new();
     for sample in samples {
@@ -39,8 +38,7 @@ pub(super) fn without_duplicates(samples: &[RangeSample]) -> Vec<RangeSample> {
     kept
 }
 
-/// Removes the ranges of a pair before the first range to an anchor in either drone's log, because
-/// one log may begin earlier.
+/// Removes a pair's ranges until both logs have a range to an anchor, since one may start earlier.
 pub(super) fn remove_before_both_logs(samples: &mut Vec<RangeSample>) {
     let mut begins_s: BTreeMap<usize, f64> = BTreeMap::new();
     for sample in &*samples {
@@ -49,7 +47,7 @@ pub(super) fn remove_before_both_logs(samples: &mut Vec<RangeSample>) {
             *begin_s = begin_s.min(sample.time_s);
         }
     }
-    // The ranges of a pair are kept from the start of the later log on.
+    // A pair's ranges are kept from the start of the later log.
     samples.retain(|sample| {
         let mut begins_s = sample.link.drones().filter_map(|drone| begins_s.get(&drone));
         begins_s.all(|begin_s| sample.time_s >= *begin_s)

@@ -1,6 +1,6 @@
 //! Runs the filter over a log of ranges.
 //!
-//! The state contains position and velocity of each drone. The acceleration is white noise.
+//! The state contains each drone's position and velocity. The acceleration is white noise.
 
 use std::collections::BTreeMap;
 
@@ -10,25 +10,25 @@ use super::positions::{GATE_SIGMAS, range_jacobian};
 use super::{Link, LocateOptions, RangeSample};
 use noctograph_sim::kalman::{Entry, Gate, Measurement, Normal, Step, product, variance_rate};
 
-/// Number of states for position and velocity of one drone.
+/// Number of states per drone, for position and velocity.
 pub(super) const STATES: usize = 6;
 
-/// Maximum time between ranges that belong to the same state.
+/// Maximum time between ranges that are assigned to the same state.
 pub(super) const STEP_S: f64 = 0.01;
 
-/// Minimum delay after the log's first range at which a drone's first range shows that the drone
-/// was on the ground until then.
+/// Minimum delay between the log's first range and a drone's first range which implies that the
+/// drone was on the ground until then.
 pub(super) const LATE_S: f64 = 0.25;
 
-/// Inputs of every pass over a log.
+/// Common inputs of all passes over a log.
 pub(super) struct Model<'a> {
     pub(super) anchors_m: &'a [Vector3<f64>],
     pub(super) options: &'a LocateOptions,
-    /// Time until which each drone is on the ground: its first range, if that comes late.
+    /// Time until which each drone is on the ground, which is its first range if that comes late.
     stands_until_s: Vec<f64>,
 }
 
-/// Sum of the normalized innovations squared of accepted ranges, and numbers of accepted and
+/// Sum of the normalized innovations squared of accepted ranges, and the numbers of accepted and
 /// rejected ranges.
 #[derive(Debug, Default)]
 pub(super) struct Innovations {
@@ -38,7 +38,7 @@ pub(super) struct Innovations {
 }
 
 impl Innovations {
-    /// Adds a range's normalized innovation squared, or counts the range as refused if `None`.
+    /// Adds a range's normalized innovation squared. `None` counts the range as rejected.
     pub(super) fn record(&mut self, link: Link, nis: Option<f64>) {
         match nis {
             Some(nis) => (self.sum, self.accepted) = (self.sum + nis, self.accepted + 1),
@@ -62,7 +62,7 @@ pub(super) struct Filter {
     pub(super) ranges: usize,
 }
 
-/// Splits samples, sorted by time, into steps of [`STEP_S`]. Each step has one state.
+/// Splits samples, sorted by time, into steps of [`STEP_S`], each with one state.
 pub(super) fn time_steps(samples: &[RangeSample]) -> impl Iterator<Item = &[RangeSample]> {
     let mut remaining = samples;
     std::iter::from_fn(move || {
@@ -81,7 +81,7 @@ pub(super) fn work(n_drones: usize, samples: &[RangeSample]) -> f64 {
 }
 
 impl<'a> Model<'a> {
-    /// Creates the model of a log. A drone is on the ground until a late first range in `heard_s`.
+    /// Creates the model of a log. A drone is on the ground until its first range if that is late.
     pub(super) fn new(
         anchors_m: &'a [Vector3<f64>],
         heard_s: &[[f64; 2]],
@@ -102,8 +102,8 @@ impl<'a> Model<'a> {
         Filter { normal: start.clone(), gate, last_s: None, ranges: 0 }
     }
 
-    /// Advances a filter by one step and returns the step. Jacobians are those at the states
-    /// `linearized_about`, or at the filter's own estimate if that is `None`.
+    /// Advances a filter by one step and returns the step. Jacobians are evaluated at the states
+    /// `linearized_about`, or at the filter's estimate if that is `None`.
     pub(super) fn advance(
         &self,
         filter: &mut Filter,

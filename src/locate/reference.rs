@@ -1,4 +1,4 @@
-//! Compares located positions and their ranges with a reference, such as motion capture.
+//! Compares located positions and measured ranges with a reference, such as motion capture.
 
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
@@ -11,7 +11,7 @@ use noctograph_core::flight::Flight;
 /// Maximum gap over which the reference is interpolated.
 const LONGEST_GAP_S: f64 = 0.2;
 
-/// True positions of a drone, measured with another clock.
+/// True positions of a drone, measured on a different clock.
 #[derive(Clone, Copy, Debug)]
 pub struct Reference<'a> {
     /// Flight that contains the positions.
@@ -40,7 +40,7 @@ pub struct PositionError {
     pub rmse_m: [f64; 3],
     /// Root mean square distance.
     pub rmse_3d_m: f64,
-    /// Mean normalized squared error over the three axes. `None` without a covariance.
+    /// Mean normalized squared error per axis. `None` without a covariance.
     pub nees: Option<f64>,
     /// Number of positions that were compared.
     pub samples: usize,
@@ -50,7 +50,7 @@ pub struct PositionError {
 ///
 /// # Errors
 ///
-/// Returns [`Error::Input`] if the two have no time in common.
+/// Returns [`Error::Input`] if the two do not overlap in time.
 pub fn position_error(
     located: &Located,
     drone: usize,
@@ -59,7 +59,7 @@ pub fn position_error(
     let (mut sum_of_squares, mut nees_sum, mut n_compared) = (Vector3::zeros(), 0.0, 0_u32);
     for k in located.heard(drone) {
         let Some(true_m) = reference.position_m(located.time_s[k]) else { continue };
-        // The errors are the squared error on each axis, and εᵀP⁻¹ε / 3 if there is a covariance.
+        // Both the squared error on each axis and, given a covariance, εᵀP⁻¹ε / 3 are accumulated.
         let error_m = located.position_m[drone][k] - true_m;
         sum_of_squares += error_m.component_mul(&error_m);
         if let Some(covariances) = located.covariance_m2.get(drone) {
@@ -81,12 +81,12 @@ pub fn position_error(
     })
 }
 
-/// Statistics of a link's range errors, which are the measured minus the true distance.
+/// Statistics of a link's range errors, which are measured minus true distances.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LinkError {
     /// Name of the link.
     pub link: String,
-    /// Median error, which is a bias, such as an antenna delay.
+    /// Median error, a bias that may result from an antenna delay.
     pub median_m: f64,
     /// Standard deviation about the median, computed from the median absolute deviation.
     pub scatter_m: f64,
@@ -94,7 +94,7 @@ pub struct LinkError {
     pub ranges: usize,
 }
 
-/// Compares the ranges of every link with the distances of the references, one for each drone.
+/// Compares the ranges of every link with the distances from the references, one for each drone.
 pub fn link_errors(
     samples: &[RangeSample],
     anchors_m: &[Vector3<f64>],

@@ -1,8 +1,8 @@
-//! Determines the authors' observer's region of convergence, and a flight's observability.
+//! Determines the published observer's region of convergence, and the observability of a flight.
 //!
-//! It answers two questions before a flight: which fraction of an initial error remains with the
-//! observer, and how well do the ranges determine the initial positions if the motion is known
-//! exactly? The first answer assumes no noise, and the second one assumes no noise of the motion.
+//! Answers two questions before a flight. What fraction of an initial error remains with the
+//! observer? How well do the ranges determine the initial positions if the motion is known exactly?
+//! The first answer assumes no noise at all, and the second one assumes noise-free motion.
 
 use nalgebra::{DVector, Matrix3, Matrix6, SMatrix, Vector3};
 
@@ -12,7 +12,7 @@ use super::shared_anchor::SharedAnchorObserver;
 use noctograph_core::random::split_mix;
 use noctograph_core::statistics::median;
 
-/// The five links: drone 0 to anchors 0 and 2, drone 1 to anchors 1 and 2, and drone 0 to 1.
+/// Five links: drone 0 to anchors 0 and 2, drone 1 to anchors 1 and 2, and drone 0 to drone 1.
 pub(super) const FIVE_LINKS: [Link; 5] = [
     Link::Anchor { drone: 0, anchor: 0 },
     Link::Anchor { drone: 0, anchor: 2 },
@@ -21,11 +21,11 @@ pub(super) const FIVE_LINKS: [Link; 5] = [
     Link::Drones(0, 1),
 ];
 
-/// Rate of the observer's steps, as on board.
+/// Rate of the observer's steps, equal to that on board.
 const RATE_HZ: f64 = 100.0;
-/// Ratio of the final to the initial error from which an observer counts as diverged.
+/// Ratio of final to initial error above which an observer counts as diverged.
 const DIVERGED: f64 = 3.0;
-/// Maximum eigenvalue of the information for an unobservable direction, relative to the largest.
+/// Maximum eigenvalue of the information along an unobservable direction, relative to the largest.
 const UNOBSERVABLE: f64 = 1e-9;
 /// Seed of the random initial errors.
 const SEED: u64 = 0x5eed;
@@ -35,11 +35,11 @@ const SEED: u64 = 0x5eed;
 pub struct FractionLeft {
     /// Norm of the initial position error of both drones together.
     pub error_m: f64,
-    /// Median over the starts of the final error, as a fraction of `error_m`.
+    /// Median of the final error over the starts, as a fraction of `error_m`.
     pub median: f64,
     /// Minimum and maximum fraction over the starts.
     pub range: [f64; 2],
-    /// Fraction of the starts whose error grew more than threefold.
+    /// Fraction of starts whose error more than tripled.
     pub diverged_frac: f64,
 }
 
@@ -48,14 +48,13 @@ pub struct FractionLeft {
 pub struct Observability {
     /// Number of directions, out of six, that are observable.
     pub rank: usize,
-    /// Standard deviations along the principal directions, in ascending order, infinite if
-    /// unobservable.
+    /// Standard deviations along the principal directions, ascending, infinite if unobservable.
     pub sigmas_m: [f64; 6],
-    /// The least certain direction: coordinates of the first drone, and then of the second.
+    /// Least certain direction: three coordinates of the first drone, then three of the second.
     pub worst: [f64; 6],
 }
 
-/// Measurements that are available at each instant.
+/// Measurements available at each instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outputs {
     /// All five ranges.
@@ -65,7 +64,7 @@ pub enum Outputs {
 }
 
 /// Runs the observer along `path` without noise, from `n` random starts with an error of `error_m`.
-/// Returns the fraction of the error that is left after `duration_s`.
+/// Returns the fraction of the error that remains after `duration_s`.
 pub fn fraction_left(
     observer: &SharedAnchorObserver,
     path: impl Fn(f64) -> [Vector3<f64>; 2],
@@ -94,7 +93,7 @@ pub fn fraction_left(
 /// Draws a unit vector of six coordinates, uniformly over all directions.
 fn random_direction(random: &mut u64) -> SMatrix<f64, 6, 1> {
     loop {
-        // The directions of points in a cube are uniform only for points inside its inscribed ball.
+        // Points in a cube have uniformly distributed directions only within its inscribed ball.
         let drawn = SMatrix::<f64, 6, 1>::from_fn(|_, _| {
             *random = split_mix(*random);
             // The upper 53 bits divided by 2⁵³ are uniform from 0 to 1.
@@ -106,8 +105,8 @@ fn random_direction(random: &mut u64) -> SMatrix<f64, 6, 1> {
     }
 }
 
-/// Returns the observer's error of both drones together at the end of a path, if its estimates
-/// start with the errors `start_errors_m`.
+/// Returns the observer's error over both drones at the end of a path, if its estimates start with
+/// the errors `start_errors_m`.
 fn final_error_m(
     observer: &SharedAnchorObserver,
     path: impl Fn(f64) -> [Vector3<f64>; 2],
@@ -118,7 +117,7 @@ fn final_error_m(
     let mut estimates_m = [0, 1].map(|i| true_m[i] + start_errors_m[i]);
     #[expect(clippy::cast_possible_truncation, reason = "minutes")]
     let ticks = (duration_s * RATE_HZ) as u32;
-    // The estimates follow the exact motion and the observer's corrections, by Euler steps.
+    // The estimates follow the exact motion plus the observer's corrections, in Euler steps.
     for tick in 1..=ticks {
         let outputs = observer.outputs(&observer.ranges(&true_m));
         let rates = observer.corrections(&estimates_m, &outputs);
@@ -132,7 +131,7 @@ fn final_error_m(
 }
 
 /// Returns how well the measurements of the first `span_s` determine the initial positions. The
-/// five links take turns at `rate_hz` ranges per second, each with the standard deviation
+/// five links are measured in turn, at `rate_hz` ranges per second, with a standard deviation of
 /// `sigma_m`.
 pub fn observability(
     observer: &SharedAnchorObserver,
@@ -142,7 +141,7 @@ pub fn observability(
     rate_hz: f64,
     sigma_m: f64,
 ) -> Observability {
-    // The information JᵀR⁻¹J is summed over all rounds, because the motion between rounds is known.
+    // Because the motion between rounds is known, the information JᵀR⁻¹J is summed over all rounds.
     let mut information = Matrix6::zeros();
     let rounds_hz = rate_hz / FIVE_LINKS.len() as f64;
     #[expect(clippy::cast_possible_truncation, reason = "minutes")]
@@ -151,7 +150,7 @@ pub fn observability(
         information +=
             information_of_round(observer, outputs, &path(f64::from(round) / rounds_hz), sigma_m);
     }
-    // The eigenvalues are inverse variances along the principal directions.
+    // The eigenvalues are the inverse variances along the principal directions.
     let eigen = information.symmetric_eigen();
     let largest = eigen.eigenvalues.max();
     let mut order = [0, 1, 2, 3, 4, 5];
@@ -185,7 +184,8 @@ fn information_of_round(
     if outputs == Outputs::Ranges {
         return by_ranges.transpose() * by_ranges / (sigma_m * sigma_m);
     }
-    // The three outputs are sums of squared ranges. Their rows are derivatives by the five ranges.
+    // The three outputs are sums of squared ranges. Each row contains an output's derivatives with
+    // respect to the five ranges.
     let ranges = observer.ranges(positions_m);
     let [d11, d22] = ranges.own_m.map(|d| 2.0 * d);
     let [d13, d23] = ranges.shared_m.map(|d| 2.0 * d);
@@ -232,7 +232,7 @@ mod tests {
     #[test]
     fn excitation_about_the_shared_anchor_decides() {
         let written = fraction_left(&observer(0.01), writing(), 21.0, 1.0, 30);
-        // The shared anchor is in the middle, with figures of 4 m around it.
+        // The shared anchor is at the center of figures 4 m in size.
         let around =
             SharedAnchorObserver { shared_m: Vector3::new(0.0, 0.0, 1.2), ..observer(0.1) };
         fn orbit(time_s: f64) -> [Vector3<f64>; 2] {

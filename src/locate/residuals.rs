@@ -1,4 +1,4 @@
-//! Computes the residuals of the ranges by link, and detects suspect links.
+//! Computes the range residuals of each link, and detects suspect links.
 
 use std::collections::BTreeMap;
 
@@ -14,32 +14,33 @@ use noctograph_core::statistics::median;
 const SIGMA_PER_MAD: f64 = 1.4826;
 /// Standard error of a median relative to that of a mean, for a normal distribution: √(π/2).
 const MEDIAN_ERROR: f64 = 1.2533;
-/// Number of standard errors from which a median is not zero (by chance once in two million).
+/// Number of standard errors beyond which a median is not zero (by chance once in two million).
 const SURE_SIGMAS: f64 = 5.0;
-/// Minimum median that matters, in standard deviations of a range.
+/// Minimum relevant median, in standard deviations of a range.
 const LEAST_BIAS_SIGMAS: f64 = 0.25;
-/// Maximum fraction and number of a link's outliers. Ultra-wideband has about 2 %.
+/// Maximum fraction and number of outliers on a link. Ultra-wideband ranging has about 2 %
+/// outliers.
 const MOST_REFUSED_FRAC: f64 = 0.05;
 const MOST_REFUSED: usize = 5;
-/// Bounds of the mean normalized innovation squared if the assumed noise and motion are right
-/// within 15 %, and the number of standard deviations of chance by which few ranges widen them.
+/// Bounds of the mean normalized innovation squared if the assumed noise and motion are correct to
+/// within 15 %, and the standard deviations by which few ranges widen the bounds.
 const NIS_BOUNDS: [f64; 2] = [0.7, 1.4];
 const NIS_SIGMAS: f64 = 3.0;
 
-/// Residuals of a link, which are the measured distances minus those between the located positions.
+/// Residuals of a link, which are the measured distances minus those between located positions.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LinkResidual {
     /// Name of the link.
     pub link: String,
     /// Number of ranges of the link.
     pub ranges: usize,
-    /// Number of ranges of the link that were refused.
+    /// Number of ranges of the link that the gate rejected.
     pub refused: usize,
     /// Median of the measured minus the located distance.
     pub median_m: f64,
     /// Standard deviation about the median, computed from the median absolute deviation.
     pub scatter_m: f64,
-    /// True if more ranges are refused than outliers explain, or if the median is not zero.
+    /// True if outliers do not explain the number of rejected ranges, or if the median is not zero.
     pub suspect: bool,
 }
 
@@ -49,7 +50,7 @@ pub fn nis_interval(n: usize) -> [f64; 2] {
     [NIS_BOUNDS[0] - chance, NIS_BOUNDS[1] + chance]
 }
 
-/// Residuals of a link.
+/// Spread of a link's residuals.
 pub(super) struct Spread {
     pub(super) median_m: f64,
     /// Standard deviation about the median, computed from the median absolute deviation.
@@ -79,8 +80,8 @@ pub(super) fn spread_by_link(
 
 impl Located {
     /// Adds the residuals of all links, and warnings about suspect links. `sigma_m` is the standard
-    /// deviation of a range. For an observer without a noise model, `sigma_m` is zero, the scatter
-    /// of each link is its scale, and there is no warning.
+    /// deviation of a range. It is zero for an observer without a noise model, in which case each
+    /// link's own scatter is the scale, and there are no warnings.
     pub(super) fn with_residuals(
         mut self,
         anchors_m: &[Vector3<f64>],
@@ -96,7 +97,8 @@ impl Located {
                 sample.distance_m - away_m.norm()
             }));
         }
-        // A link is suspect because of its median relative to its error, or of its refused ranges.
+        // A link is suspect because of its median relative to its error, or because of rejected
+        // ranges.
         let links = spread_by_link(samples, &residuals_m).into_iter();
         self.links =
             Vec::from_iter(links.map(|(link, Spread { median_m, scatter_m, n: ranges })| {

@@ -1,7 +1,8 @@
-//! Implements the observer of two drones with a common anchor as its authors published it.
+//! Implements the published observer of two drones with a common anchor.
 //!
 //! Drone i measures the ranges to an anchor `a_i` and to the common anchor `a_3`. The range between
-//! the drones is q. With `C_i` = `a_3` − `a_i`, the squared ranges give:
+//! the drones is q. With `C_i` = `a_3` − `a_i`, the squared ranges give the outputs and the
+//! observer:
 //!
 //! ```text
 //! y_1i = d_ii² − d_i3² + |a_3|² − |a_i|² = 2 C_iᵀ p_i
@@ -11,8 +12,8 @@
 //! ```
 //!
 //! The rate of V = `½|p̃_1|²` + `½μ|p̃_2|²` is a quadratic form, at best negative semidefinite,
-//! plus cubic terms. The observer is gradient descent on three squared residuals. At any instant
-//! these determine only three of the six coordinates, although there are five ranges.
+//! plus cubic terms. The observer performs gradient descent on three squared residuals. At any
+//! instant these determine only three of the six coordinates, although there are five ranges.
 
 use std::collections::BTreeSet;
 
@@ -30,28 +31,28 @@ const GAIN: f64 = 0.03;
 /// Observer of two drones with a common anchor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SharedAnchorObserver {
-    /// Anchor of each drone that only this drone receives.
+    /// Position of the anchor that only one drone receives, for each drone.
     pub own_m: [Vector3<f64>; 2],
-    /// Anchor that both drones receive.
+    /// Position of the anchor that both drones receive.
     pub shared_m: Vector3<f64>,
     /// Gains `γ_i`, 1/(m² s).
     pub gains: [f64; 2],
 }
 
-/// The five ranges of two drones with a shared anchor.
+/// Five ranges of two drones with a shared anchor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FiveRanges {
-    /// Distance from each drone to its own anchor.
+    /// Distance between each drone and the anchor that only it receives.
     pub own_m: [f64; 2],
-    /// Distance from each drone to the shared anchor.
+    /// Distance between each drone and the shared anchor.
     pub shared_m: [f64; 2],
     /// Distance between the drones.
     pub between_m: f64,
 }
 
-/// Returns the indices of the first drone's own anchor, the second drone's own anchor, and the
-/// shared anchor. Returns `None` unless two drones receive two anchors each, one of which is the
-/// same.
+/// Returns the indices of the anchor that only the first drone receives, of the one that only the
+/// second drone receives, and of the shared one. Returns `None` unless each of two drones receives
+/// two anchors, of which exactly one is shared.
 pub fn shared_anchor(heard: &[Vec<usize>]) -> Option<[usize; 3]> {
     let [one, two] = heard else { return None };
     if one.len() != 2 || two.len() != 2 {
@@ -101,13 +102,13 @@ impl SharedAnchorObserver {
     }
 }
 
-/// Locates two drones with [`SharedAnchorObserver`], from starts close to the true positions. Each
-/// range is held until the next one of its link.
+/// Locates two drones with [`SharedAnchorObserver`], from starts close to the true positions. The
+/// last range of each link is held until the next one.
 ///
 /// # Errors
 ///
 /// Returns the errors of [`super::locate_augmented`]. Returns [`Error::Input`] unless each drone
-/// receives two anchors, one of which is the same, and there are ranges between the drones.
+/// receives two anchors, of which one is shared, and there are ranges between the drones.
 pub fn locate_shared(
     anchors_m: &[Vector3<f64>],
     tracks: &[Track; 2],
@@ -118,8 +119,8 @@ pub fn locate_shared(
     let [own1, own2, shared] = anchors_of_links(&samples)?;
     let own_m = [anchors_m[own1], anchors_m[own2]];
     let observer = SharedAnchorObserver { own_m, shared_m: anchors_m[shared], gains: [GAIN; 2] };
-    // Ranges are held by link: own anchors, common anchor, and between the drones. Each is held
-    // until the next one, and nothing is corrected before all five links have a range.
+    // Ranges are stored by link: each drone's own anchor, common anchor, and between the drones.
+    // Each is held until the next one, and corrections begin once all five links have a range.
     let mut held = [None; 5];
     let mut positions_m = starts_m;
     let mut before_s = samples.first().map_or(0.0, |first| first.time_s);
@@ -153,7 +154,7 @@ pub fn locate_shared(
     Ok(located.with_residuals(anchors_m, &samples, &Innovations::default(), 0.0))
 }
 
-/// Returns the anchors like [`shared_anchor`], or an error that names the missing links.
+/// Returns the anchors as [`shared_anchor`] does, or an error that names the missing links.
 fn anchors_of_links(samples: &[RangeSample]) -> Result<[usize; 3]> {
     let mut heard = [BTreeSet::new(), BTreeSet::new()];
     let mut between = false;
@@ -164,7 +165,7 @@ fn anchors_of_links(samples: &[RangeSample]) -> Result<[usize; 3]> {
         }
     }
     let heard = heard.map(|anchors| anchors.into_iter().collect::<Vec<_>>());
-    // Without the range between the drones, the shared anchor does not help the observer.
+    // Without the range between the drones, the observer cannot use the shared anchor.
     shared_anchor(&heard).filter(|_| between).ok_or_else(|| {
         let wanted =
             "two anchors per drone, one of them the same, and the range between the drones";
@@ -200,7 +201,7 @@ mod tests {
         }
     }
 
-    /// Returns the rate of V = `½|p̃_1|²` + `½μ|p̃_2|²`: the quadratic form and other terms.
+    /// Returns the rate of V = `½|p̃_1|²` + `½μ|p̃_2|²`: its quadratic form, and the other terms.
     fn lyapunov_rate(
         observer: &SharedAnchorObserver,
         positions_m: &[Vector3<f64>; 2],

@@ -1,13 +1,13 @@
 //! Locates whole flights from range logs, without motion sensors.
 //!
-//! In: anchors, ranges. Out: [`Located`]. A filter runs forward and a smoother backward. Filter and
-//! smoother are repeated with Jacobians at the smoothed positions until they converge. The method
-//! is Gauss–Newton on the whole flight (Bell, SIAM J. Optimization 4(3), 1994), as in factor-graph
-//! solvers. The first iteration starts from the positions that best fit the ranges of each drone's
-//! first second.
+//! Products in: anchors and ranges. Product out: [`Located`]. A filter runs forward and a smoother
+//! backward. Both are repeated with Jacobians at the smoothed positions until they converge. The
+//! method is Gauss–Newton on the whole flight (Bell, SIAM J. Optimization 4(3), 1994), as in
+//! factor-graph solvers. The first iteration starts at the positions that best fit the ranges in
+//! each drone's first second.
 //!
 //! After the gate has rejected five ranges of a link in a row, the link is accepted again, as in
-//! flight. Biases are not estimated, but the residuals of each link show them.
+//! flight. Biases are not estimated, but they appear in the residuals of each link.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -20,13 +20,13 @@ use super::{Link, RangeSample, Room};
 use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Error, Result};
 
-/// Minimum standard deviation of a range for the initial position.
+/// Minimum standard deviation assigned to a range for the initial position.
 const START_SIGMA_M: f64 = 0.05;
 
-/// Maximum number of ranges in all logs: half an hour of eight anchors at 100 Hz.
+/// Maximum number of ranges in all logs, enough for half an hour of eight anchors at 100 Hz.
 const MOST_RANGES: usize = 1_500_000;
-/// Maximum number of multiplications in a pass, [`work`], which take some seconds. Ten minutes of
-/// three drones with eight anchors at 50 Hz need 2.4·10⁹.
+/// Maximum number of multiplications in a pass, [`work`], which take a few seconds. Ten minutes of
+/// three drones with eight anchors at 50 Hz require 2.4·10⁹.
 const MOST_WORK: f64 = 4e9;
 const FEWER: &str = "cut the logs to one flight, log more slowly, or locate fewer drones at a \
                      time: drones without ranges between them can be located one by one";
@@ -36,12 +36,12 @@ const FEWER: &str = "cut the logs to one flight, log more slowly, or locate fewe
 pub struct LocateOptions {
     /// Standard deviation of a range.
     pub range_sigma_m: f64,
-    /// Density of the drones' acceleration, (m/s²)/√Hz. A lower density makes the path smoother,
-    /// but the path lags in curves.
+    /// Density of the drones' acceleration, (m/s²)/√Hz. A lower density smooths the path, which
+    /// then lags in curves.
     pub acceleration_m_s2_sqrt_hz: f64,
-    /// True if later ranges improve earlier positions, false for positions as in flight.
+    /// True if later ranges improve earlier positions, false for positions as computed in flight.
     pub smooth: bool,
-    /// Box that contains all drones, if known, which decides between mirror images.
+    /// Box that contains all drones, if known. It resolves mirror images.
     pub room: Option<Room>,
 }
 
@@ -54,10 +54,10 @@ pub struct Located {
     pub position_m: Vec<Vec<Vector3<f64>>>,
     /// Covariances of the positions. Empty for an observer without a noise model.
     pub covariance_m2: Vec<Vec<Matrix3<f64>>>,
-    /// Times of each drone's first and last range. Positions before and after these times are held.
+    /// Times of each drone's first and last range. Outside this interval, positions are held.
     pub heard_s: Vec<[f64; 2]>,
-    /// Mean normalized innovation squared of the filter, which is 1 if noise and motion are right.
-    /// `None` for an observer without a covariance.
+    /// Mean normalized innovation squared of the filter, which is 1 if the assumed noise and motion
+    /// are correct. `None` for an observer without a covariance.
     pub nis: Option<f64>,
     /// Number of ranges without duplicates.
     pub ranges: usize,
@@ -74,8 +74,8 @@ pub struct Located {
 /// # Errors
 ///
 /// Returns [`Error::Input`] for a range that is not a distance, for an unlisted drone or anchor,
-/// and for more ranges than a core can process in minutes. Returns [`Error::Infeasible`] for fewer
-/// links than coordinates, and for links that leave a direction unobservable.
+/// and for more ranges than one core can process in minutes. Returns [`Error::Infeasible`] for
+/// fewer links than coordinates, and for links that leave a direction unobservable.
 pub fn locate(
     anchors_m: &[Vector3<f64>],
     n_drones: usize,
@@ -86,7 +86,7 @@ pub fn locate(
     let mut samples = checked(anchors_m, n_drones, samples)?;
     remove_before_both_logs(&mut samples);
     check_work(n_drones, &samples)?;
-    // The initial state comes from each drone's first second.
+    // The initial state is computed from each drone's first second.
     let heard_s = heard_s(n_drones, &samples);
     let model = Model::new(anchors_m, &heard_s, options);
     let sigma_m = options.range_sigma_m.max(START_SIGMA_M);
@@ -102,11 +102,11 @@ pub fn locate(
     Ok(located.with_residuals(anchors_m, &samples, &solved.innovations, options.range_sigma_m))
 }
 
-/// Refuses more ranges than [`locate`] accepts. Callers check while they collect ranges.
+/// Returns an error for more ranges than [`locate`] accepts, for callers that collect ranges.
 ///
 /// # Errors
 ///
-/// Returns [`Error::Input`] with the maximum number.
+/// Returns [`Error::Input`] that states the maximum number.
 pub fn check_count(n: usize) -> Result<()> {
     if n <= MOST_RANGES {
         return Ok(());
@@ -115,7 +115,7 @@ pub fn check_count(n: usize) -> Result<()> {
     Err(Error::input("ranges", "more ranges", wanted, FEWER))
 }
 
-/// Refuses ranges if a pass over them needs more than [`MOST_WORK`] multiplications.
+/// Returns an error if a pass over the ranges requires more than [`MOST_WORK`] multiplications.
 fn check_work(n_drones: usize, samples: &[RangeSample]) -> Result<()> {
     let work = work(n_drones, samples);
     if work <= MOST_WORK {
@@ -149,7 +149,7 @@ impl Located {
         }
     }
 
-    /// Adds a time, with the position and covariance that `estimate` returns for each drone.
+    /// Appends a time, with the position and covariance that `estimate` returns for each drone.
     pub(super) fn push(
         &mut self,
         time_s: f64,
@@ -166,14 +166,14 @@ impl Located {
     /// Returns the indices of the times from a drone's first range to its last.
     pub fn heard(&self, drone: usize) -> std::ops::Range<usize> {
         let [from_s, to_s] = self.heard_s[drone];
-        // The time of a step is that of its first range, and others may come up to `STEP_S` later.
+        // The time of a step is that of its first range. Others may follow up to `STEP_S` later.
         self.time_s.partition_point(|t| *t + STEP_S <= from_s)
             ..self.time_s.partition_point(|t| *t <= to_s)
     }
 }
 
-/// Returns the samples sorted by time, without duplicates of ranges that are in two logs. Refuses
-/// distances out of range, and links of unlisted drones or anchors.
+/// Returns the samples sorted by time, without duplicates of ranges that two logs contain. Returns
+/// an error for distances out of range, and for links of unlisted drones or anchors.
 pub(super) fn checked(
     anchors_m: &[Vector3<f64>],
     n_drones: usize,
@@ -227,7 +227,7 @@ mod tests {
         Vector3::new(0.8 * wave(0.7), 0.4 * wave(1.1), 1.0 + 0.4 * wave(0.9))
     }
 
-    /// Returns ranges over `end_s` at 100 per second, with the links in turn.
+    /// Returns ranges until `end_s` at 100 per second, with the links in turn.
     fn log(links: &[Link], n_anchors: usize, sigma_m: f64, end_s: u32) -> Vec<RangeSample> {
         let (anchors_m, mut random) = (anchors_m(n_anchors), Random(9));
         Vec::from_iter((0..end_s * 100).map(|k: u32| {

@@ -1,9 +1,9 @@
-//! Runs passes over a log of ranges, forward and backward, until the positions converge.
+//! Runs forward and backward passes over a log of ranges until the positions converge.
 //!
-//! A forward and a backward pass need the covariances of every step, whose size grows with the
-//! square of the number of states. Only the steps of one window are kept. For earlier windows a
-//! pass keeps the filter at their start and recomputes their steps on the way back. The means of
-//! all steps and the covariances of the positions are kept.
+//! A forward and a backward pass require the covariances of every step, whose size is quadratic in
+//! the number of states. Therefore only one window of steps is kept in memory. For each earlier
+//! window, the filter at its start is kept, from which the backward pass recomputes the window's
+//! steps. The means of all steps and the covariances of the positions are always kept.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -13,13 +13,13 @@ use noctograph_core::error::{Error, Result};
 use noctograph_sim::kalman::{Normal, Step};
 
 const MAX_PASSES: usize = 8;
-/// Change of a state between two passes below which the passes end.
+/// Change of a state between two passes below which iteration ends.
 const CONVERGED: f64 = 1e-4;
-/// Maximum memory for the steps of a window. A smaller limit costs little time, because each window
-/// is recomputed only once per pass. A minute of three drones is one window.
+/// Maximum memory for a window's steps. A smaller limit costs little time, because each window is
+/// recomputed only once per pass. One window holds a minute of three drones.
 const WINDOW_BYTES: usize = 16 << 20;
 
-/// States of all steps: their means, and the covariances of the positions by step and drone.
+/// States at all steps: their means, and the covariances of the positions by step and drone.
 #[derive(Debug, Default)]
 pub(super) struct Path {
     states: usize,
@@ -33,7 +33,7 @@ impl Path {
         &self.means[step * self.states..][..self.states]
     }
 
-    /// Replaces the states of a step. Returns the largest change of a mean.
+    /// Replaces the states of a step. Returns the largest change in a mean.
     fn store(&mut self, step: usize, n_drones: usize, normal: &Normal) -> f64 {
         let stored = self.means[step * self.states..].iter_mut();
         let mut largest_change = 0.0_f64;
@@ -41,7 +41,7 @@ impl Path {
             largest_change = largest_change.max((*stored - mean).abs());
             *stored = *mean;
         }
-        // Velocities are the last three states of a drone, and their covariance is dropped.
+        // Velocities are the last three states of a drone. Their covariance is dropped.
         for drone in 0..n_drones {
             let first = STATES * drone;
             self.covariances_m2[step * n_drones + drone] = normal.block(first, first);
@@ -50,7 +50,7 @@ impl Path {
     }
 }
 
-/// The states after the last pass, and the innovations of the first one.
+/// States after the last pass, and innovations of the first one.
 pub(super) struct Solution {
     pub(super) time_s: Vec<f64>,
     pub(super) path: Path,
@@ -74,8 +74,7 @@ impl Solution {
     }
 }
 
-/// Runs passes over a log from `start` until the states converge, or a single forward pass if
-/// `smooth` is false.
+/// Runs passes over a log until the states converge, or one forward pass if `smooth` is false.
 pub(super) fn solve(
     model: &Model<'_>,
     samples: &[RangeSample],
@@ -85,14 +84,14 @@ pub(super) fn solve(
     Passes { model, samples, start, window: window(start.mean.len()) }.solve(smooth)
 }
 
-/// Returns the number of steps that fit into [`WINDOW_BYTES`].
+/// Returns the number of steps that fit in [`WINDOW_BYTES`].
 fn window(n_states: usize) -> usize {
     // A step contains two means, two covariances, and the entries of its transition.
     let numbers = 2 * n_states * (n_states + 2) + 3 * n_states;
     (WINDOW_BYTES / size_of::<f64>() / numbers).max(1)
 }
 
-/// Inputs of all passes. `window` is a number of steps.
+/// Common inputs of all passes. `window` is a number of steps.
 struct Passes<'m, 'a> {
     model: &'m Model<'a>,
     samples: &'m [RangeSample],
@@ -100,7 +99,7 @@ struct Passes<'m, 'a> {
     window: usize,
 }
 
-/// Results of a forward pass. `steps` are those of the last window.
+/// Results of a forward pass. `steps` contains those of the last window.
 struct Forward {
     /// State of the filter at the start of each window.
     window_starts: Vec<Filter>,
@@ -122,7 +121,7 @@ impl Passes<'_, '_> {
         // The innovations are those of the first pass, before later ranges improve the path.
         let first = self.forward(None, None);
         let (mut window_starts, mut steps) = (first.window_starts, first.steps);
-        // For Gauss–Newton, each pass is linearized about the smoothed path of the previous pass.
+        // For Gauss–Newton, each pass is linearized about the smoothed path from the previous one.
         for pass in 0..MAX_PASSES {
             let largest_change = self.backward(&window_starts, steps, pass > 0, &mut path)?;
             if pass > 0 && largest_change < CONVERGED || pass + 1 == MAX_PASSES {
@@ -134,7 +133,7 @@ impl Passes<'_, '_> {
     }
 
     /// Runs a forward pass, linearized about a path or, if that is `None`, about its own estimates.
-    /// The states are stored in `into`.
+    /// Stores the states in `into`.
     fn forward(&self, about: Option<&Path>, mut into: Option<&mut Path>) -> Forward {
         let (mut window_starts, mut steps) = (Vec::new(), Vec::new());
         let (mut filter, mut innovations) = (self.model.filter(self.start), Innovations::default());
@@ -143,7 +142,7 @@ impl Passes<'_, '_> {
                 window_starts.push(filter.clone());
                 steps.clear();
             }
-            // The filter at the start of a window is sufficient to recompute its steps.
+            // The steps of a window can be recomputed from the filter at its start.
             let linearized_about = about.map(|about| about.states(k));
             let step = self.model.advance(&mut filter, ranges, linearized_about, &mut innovations);
             if let Some(path) = &mut into {
@@ -164,8 +163,8 @@ impl Passes<'_, '_> {
         }))
     }
 
-    /// Runs a backward pass and stores the smoothed states in the path. `linearized` is true if the
-    /// forward pass was linearized about that path. Returns the largest change of a state.
+    /// Runs a backward pass, and stores the smoothed states in the path. `linearized` is true if
+    /// the forward pass was linearized about that path. Returns the largest change in a state.
     fn backward(
         &self,
         window_starts: &[Filter],
@@ -176,8 +175,7 @@ impl Passes<'_, '_> {
         let (mut last, mut largest_change) = (Some(last), 0.0_f64);
         let mut next: Option<(Step, Normal)> = None;
         for (index, window_start) in window_starts.iter().enumerate().rev() {
-            // The steps of the last window still exist. The steps of earlier windows are
-            // recomputed.
+            // The last window's steps are still in memory. Earlier windows are recomputed.
             let about = linearized.then_some(&*path);
             let steps = last.take().unwrap_or_else(|| self.recomputed(index, window_start, about));
             for (k, step) in steps.into_iter().enumerate().rev() {

@@ -1,8 +1,8 @@
-//! Determines the initial positions of a log from the first second of each drone only.
+//! Determines the initial positions in a log from each drone's first second only.
 //!
-//! In: anchors, ranges. Out: a state of positions and velocities with its covariance. The mean
-//! range of each link is fitted by the method of Levenberg and Marquardt from 27 places around the
-//! anchors, because a few ranges have mirror images.
+//! Products in: anchors and ranges. Product out: a state of positions and velocities, with its
+//! covariance. The mean range of each link is fitted by the method of Levenberg and Marquardt from
+//! 27 starting points around the anchors, because mirror images fit a few ranges as well.
 
 use std::collections::BTreeMap;
 
@@ -15,23 +15,23 @@ use super::{Link, RangeSample, Room};
 use noctograph_core::error::{Error, Result};
 use noctograph_sim::kalman::Normal;
 
-/// Time after the first range within which ranges determine the initial position.
+/// Time after the first range during which ranges determine the initial position.
 const START_S: f64 = 1.0;
 /// Standard deviation of each initial velocity.
 const START_SPEED_M_S: f64 = 0.5;
-/// Starting points of the fit on each axis relative to the anchors' middle, and distance between
-/// the drones there, as fractions of the anchors' extent.
+/// Starting points of the fit on each axis relative to the anchors' center, and distance between
+/// the drones at each, as fractions of the anchors' extent.
 const AROUND: [f64; 3] = [-0.6, 0.1, 0.7];
 const APART: f64 = 0.05;
-/// Cost, m², of positions outside the room, which exceeds the cost of any fit inside.
+/// Additional cost, m², of positions outside the room, which exceeds the cost of any fit inside it.
 const OUTSIDE_M2: f64 = 1e9;
-/// Minimum decrease of the cost, m², at which another start is better.
+/// Minimum decrease in cost, m², for another start to count as better.
 const LEAST_DECREASE_M2: f64 = 1e-9;
-/// Maximum eigenvalue of the information for an unobservable direction, relative to the largest.
+/// Maximum eigenvalue of the information along an unobservable direction, relative to the largest.
 const UNOBSERVABLE: f64 = 1e-4;
 
-/// Returns the state that best fits the ranges of each drone's first second, with velocities of
-/// zero. The state's covariance is that for ranges with the standard deviation `sigma_m`.
+/// Returns the state that best fits the ranges of each drone's first second, with zero velocities.
+/// Its covariance assumes ranges with a standard deviation of `sigma_m`.
 pub(super) fn start(
     anchors_m: &[Vector3<f64>],
     heard_s: &[[f64; 2]],
@@ -40,8 +40,8 @@ pub(super) fn start(
     room: Option<&Room>,
 ) -> Result<Normal> {
     let (n_drones, n) = (heard_s.len(), 3 * heard_s.len());
-    // If the logs of two drones start at different times, the range between them does not belong to
-    // both starts.
+    // If two logs start at different times, a range between the drones does not apply to both
+    // starts.
     let mut means = means(heard_s, samples);
     let simultaneous = Vec::from_iter(means.iter().copied().filter(|mean| {
         let begins_s: Vec<f64> = mean.link.drones().map(|drone| heard_s[drone][0]).collect();
@@ -61,7 +61,7 @@ pub(super) fn start(
              that flies with its motion sensors needs fewer",
         ));
     }
-    // A small eigenvalue of the information JᵀJ belongs to a direction that the ranges leave open.
+    // A small eigenvalue of JᵀJ indicates a direction that the ranges do not determine.
     let positions_m = best_fit(anchors_m, n, &means, room);
     let jacobian = residuals(anchors_m, &means, &positions_m).0;
     let information = jacobian.transpose() * jacobian;
@@ -78,10 +78,10 @@ pub(super) fn start(
     Ok(at_rest(&positions_m, &(inverse * variance)))
 }
 
-/// Returns the state of drones at rest, from their positions and the covariance of these.
+/// Returns the state of drones at rest, given their positions and the covariance of the positions.
 fn at_rest(positions_m: &DVector<f64>, covariance_m2: &DMatrix<f64>) -> Normal {
     let n = positions_m.len();
-    // Each drone has three position states, followed by three velocity states.
+    // Each drone has three position states followed by three velocity states.
     let (mut state, mut covariance) = (DVector::zeros(2 * n), DMatrix::zeros(2 * n, 2 * n));
     let rows: Vec<usize> = (0..n).map(|i| STATES * (i / 3) + i % 3).collect();
     for (i, row) in rows.iter().enumerate() {
@@ -94,11 +94,11 @@ fn at_rest(positions_m: &DVector<f64>, covariance_m2: &DMatrix<f64>) -> Normal {
     Normal::new(state, covariance)
 }
 
-/// Returns the mean range of each link in the first second in which both of its drones have ranges.
+/// Returns each link's mean range over the first second in which both drones have ranges.
 fn means(heard_s: &[[f64; 2]], samples: &[RangeSample]) -> Vec<Observation> {
     let mut sums: BTreeMap<Link, (f64, f64)> = BTreeMap::new();
     for sample in samples {
-        // A range between drones is used from the later of their two first ranges on.
+        // A range between drones is used from the later of their first ranges onward.
         let begins_s = sample.link.drones().map(|drone| heard_s[drone][0]);
         let since_s = begins_s.fold(f64::NEG_INFINITY, f64::max);
         if (since_s..=since_s + START_S).contains(&sample.time_s) {
@@ -110,7 +110,7 @@ fn means(heard_s: &[[f64; 2]], samples: &[RangeSample]) -> Vec<Observation> {
     sums.map(|(link, (sum_m, count))| Observation { link, distance_m: sum_m / count }).collect()
 }
 
-/// Returns the positions with the lowest cost after fits from 27 starts around the anchors.
+/// Returns the positions with the lowest cost among fits from 27 starts around the anchors.
 fn best_fit(
     anchors_m: &[Vector3<f64>],
     n: usize,
@@ -120,12 +120,12 @@ fn best_fit(
     let [low_m, high_m] = extent_m(anchors_m);
     let (middle_m, reach_m) = ((low_m + high_m) * 0.5, (high_m - low_m).max().max(1.0));
     let mut best = (f64::INFINITY, DVector::zeros(n));
-    // Each k is a different combination of the three offsets on the three axes.
+    // Each k selects a different combination of the three offsets on the three axes.
     for k in 0..27_usize {
         let around = [AROUND[k % 3], AROUND[k / 3 % 3], AROUND[k / 9]];
         let start_m = DVector::from_fn(n, |i, _| {
-            // The drones start apart from each other, because otherwise the range between them
-            // would have no direction.
+            // The drones start apart from each other, because otherwise the direction of the range
+            // between them would be undefined.
             let apart = APART * (i / 3) as f64;
             middle_m[i % 3] + reach_m * (around[i % 3] + apart)
         });

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-/// The motion of a drone, given as its displacement since the beginning of its log.
+/// Motion of a drone, as the displacement since the beginning of its log.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Track {
     time_s: Vec<f64>,
@@ -10,7 +10,7 @@ pub struct Track {
 }
 
 impl Track {
-    /// Integrates velocities in the world frame at increasing times by the trapezoidal rule.
+    /// Integrates world-frame velocities at increasing times by the trapezoidal rule.
     pub fn new(velocities_m_s: impl IntoIterator<Item = (f64, Vector3<f64>)>) -> Self {
         let (mut track, mut before) = (Self::default(), None);
         for (time_s, velocity_m_s) in velocities_m_s {
@@ -25,9 +25,8 @@ impl Track {
         track
     }
 
-    /// Returns the displacement from the start of the track to `time_s`. The displacement is
-    /// interpolated linearly between samples, zero before the first and constant after the last
-    /// one.
+    /// Returns the displacement from the start of the track to `time_s`, interpolated linearly
+    /// between samples. It is zero before the first sample and constant after the last one.
     pub(super) fn moved_m(&self, time_s: f64) -> Vector3<f64> {
         let after = self.time_s.partition_point(|t| *t <= time_s);
         let Some(before) = after.checked_sub(1) else { return Vector3::zeros() };

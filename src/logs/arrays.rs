@@ -1,5 +1,5 @@
-//! Checks the plausibility of flights from a caller's arrays, which have no titles, in the same way
-//! as tables.
+//! Checks whether flights from a caller's arrays are plausible. The checks are those of tables,
+//! although arrays have no titles.
 
 use super::recording::{Block, Channel, Column, Recording};
 use super::{ImportOptions, frames, mapper, plain_csv, speed};
@@ -7,8 +7,8 @@ use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::Error;
 use noctograph_core::flight::{Flight, FlightSample, Quantity, rests_on_floor};
 
-/// Returns warnings if a flight is probably not in meters, radians and seconds with z up, or is not
-/// a flight. Nothing is converted.
+/// Returns warnings if the data are probably not in meters, radians and seconds with z up, or not a
+/// flight. Nothing is converted.
 pub fn doubts(flight: &Flight) -> Vec<Diagnostic> {
     let samples = &flight.samples;
     if samples.len() < 2 {
@@ -19,7 +19,7 @@ pub fn doubts(flight: &Flight) -> Vec<Diagnostic> {
         "its clock begins at {first_s} s instead of at 0 s, and so does the exposure of a photo"
     );
     let begins = (first_s < 0.0).then(|| Diagnostic::warning("time-negative", text));
-    // The flight's columns are put in a table, to which the checks of tables apply.
+    // The flight's columns are copied to a table, to which the checks of tables apply.
     let block = pose_columns(samples);
     let rising = samples.windows(2).all(|pair| pair[0].time_s < pair[1].time_s);
     let channels = block.columns.iter().take(3).filter(|_| rising);
@@ -42,7 +42,7 @@ pub fn doubts(flight: &Flight) -> Vec<Diagnostic> {
         let text = "are they degrees, or of a quaternion whose parts are in another order?";
         Diagnostic::warning("unit-guessed", format!("{why}: {text}"))
     });
-    // A flight along another axis may stay at height zero without being at rest.
+    // A flight along a different axis may stay at height zero without being at rest.
     let axes = frames::axes_doubt(&Recording { blocks: vec![block], ..Recording::default() });
     let rests = (axes.is_none() && rests_on_floor(samples, 0.0)).then(|| {
         let highest_m = samples.iter().map(|sample| sample.position_m.z).fold(0.0, f64::max);
@@ -55,7 +55,7 @@ pub fn doubts(flight: &Flight) -> Vec<Diagnostic> {
     [begins, repeats, speed, size, axes, angles, rests, design].into_iter().flatten().collect()
 }
 
-/// Maximum fraction of equal times that causes no warning, because a log may repeat a few rows.
+/// Maximum fraction of repeated times that causes no warning. A log may repeat a few rows.
 const FEW_REPEATS: f64 = 0.01;
 
 /// Returns a warning if the drone moves while its clock stands still.
@@ -74,7 +74,7 @@ fn repeated_times(samples: &[FlightSample]) -> Option<Diagnostic> {
     })
 }
 
-/// Median distance from its design that no flight reaches, m.
+/// Median distance from the design that no actual flight reaches, m.
 const FAR_M: f64 = 1.0;
 
 /// Returns a warning if the flight is far from its design most of the time.
@@ -92,12 +92,12 @@ fn far_design(samples: &[FlightSample]) -> Option<Diagnostic> {
     })
 }
 
-/// Returns position and attitude of a flight as the columns of a table.
+/// Returns the position and attitude of a flight as columns of a table.
 fn pose_columns(samples: &[FlightSample]) -> Block {
     let columns = [Quantity::Position, Quantity::Attitude].into_iter().flat_map(|quantity| {
         let names = Quantity::TABLE[quantity as usize].2;
         names.iter().zip(quantity.places()).map(move |(name, number)| Column {
-            // The unit of the angles is still to be checked.
+            // The unit of the angles has yet to be checked.
             is_open_angle: quantity == Quantity::Attitude,
             ..Column::new(
                 (*name).to_owned(),
@@ -119,7 +119,7 @@ mod tests {
     use noctograph_core::flight::FlightData;
     use noctograph_core::geometry::Attitude;
 
-    /// Returns warnings about a flight with take-off, an L on the wall and landing, tilted 0.1 rad.
+    /// Returns warnings about a flight that takes off, writes an L and lands, tilted by 0.1 rad.
     fn said(to: impl Fn(FlightSample) -> FlightSample) -> String {
         let samples = (0..=400).map(|row| {
             let t = 0.02 * f64::from(row);

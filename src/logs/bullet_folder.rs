@@ -1,10 +1,10 @@
-//! Reads folders of gym-pybullet-drones, which contain one file for each variable, with two columns
-//! without a header: the time in s and the value.
+//! Reads folders of gym-pybullet-drones, which contain one file per variable. Each file has two
+//! columns without a header: the time in s and the value.
 //!
 //! Source: `Logger.save_as_csv` in `gym_pybullet_drones/utils/Logger.py` (2.1.0), which writes
-//! `x0.csv`, `y0.csv` … for drone 0. Velocities and angular velocities are in the world frame of
-//! `PyBullet`. Angular velocities, derivatives of the angles and rotor speeds are kept as
-//! additional columns. There are no setpoints or lights.
+//! `x0.csv`, `y0.csv` … for drone 0. Linear and angular velocities are in the world frame of
+//! `PyBullet`. Angular velocities, derivatives of the angles and rotor speeds are kept as extra
+//! columns. There are no setpoints or lights.
 
 use std::path::{Path, PathBuf};
 
@@ -13,7 +13,7 @@ use super::{Job, cells};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Head, Text, entries_in, file_name};
 
-/// Files of a Bullet folder, without extension, and this program's names of their variables. The
+/// Files of such a folder, without extension, and this program's names for their variables. The
 /// first three files identify such a folder.
 const NAMES: [(&str, &str); 12] = [
     ("x", "x_m"),
@@ -30,7 +30,7 @@ const NAMES: [(&str, &str); 12] = [
     ("wz", "wz_world_rad_s"),
 ];
 
-/// A variable's file.
+/// File of one variable.
 pub(super) struct Variable {
     path: PathBuf,
     name: String,
@@ -38,7 +38,7 @@ pub(super) struct Variable {
     drone: usize,
 }
 
-/// Returns the variables in a folder, or `None` if it is not such a folder.
+/// Returns the variables in a folder, or `None` if the folder has a different origin.
 ///
 /// # Errors
 ///
@@ -65,7 +65,7 @@ fn variable(stem: &str) -> Option<(String, usize)> {
 ///
 /// # Errors
 ///
-/// Returns [`Error::Input`] for the files of several drones, and for a file that is not a variable.
+/// Returns [`Error::Input`] for files of several drones, and for a file that is not a variable.
 pub(super) fn read(variables: &[Variable], job: Job<'_>) -> Result<Recording> {
     let drone = variables[0].drone;
     if let Some(other) = variables.iter().find(|variable| variable.drone != drone) {
@@ -100,7 +100,7 @@ pub(super) fn read(variables: &[Variable], job: Job<'_>) -> Result<Recording> {
     Ok(log)
 }
 
-/// Reads the times and the values in a variable's file.
+/// Reads the times and the values from a variable's file.
 fn columns(path: &Path, job: Job<'_>) -> Result<[Vec<f64>; 2]> {
     let file = path.display().to_string();
     let bytes = super::read(path)?;
@@ -108,7 +108,7 @@ fn columns(path: &Path, job: Job<'_>) -> Result<[Vec<f64>; 2]> {
     job.budget.steps(bytes.len())?;
     let text = Text::decode(&bytes);
     let mut head = Head::find(&text.bytes);
-    // Any other file would have titles or more columns.
+    // Any other file would have titles or additional columns.
     if head.n_columns != 2 || !head.titles.is_empty() {
         let actual = format!("{} columns, titles {:?}", head.n_columns, head.titles);
         let hint = "remove the files that are not variables of the simulator from the folder";

@@ -13,8 +13,8 @@ pub(super) const DAY_S: f64 = 86_400.0;
 const LONGEST_DATE: usize = 48;
 
 /// Reads the rows below a header. Also returns which columns contain dates or times of day, whose
-/// values are in seconds. Texts are an error in a column for which `is_needed` is true, and a note
-/// otherwise.
+/// values are in seconds. A text is an error if `is_needed` is true for its column, otherwise a
+/// note.
 pub(super) fn read_rows(
     text: &Text<'_>,
     head: Head,
@@ -23,7 +23,7 @@ pub(super) fn read_rows(
 ) -> Result<(Sheet, Vec<bool>)> {
     let mut are_dated = vec![false; head.n_columns];
     let rules = RowRules { file, budget, hint: HINT, needs_line_ends: true };
-    // A date counts as a number, and its column is marked.
+    // A date is converted to a number, and its column is marked.
     let mut sheet = Sheet::read(text, head, rules, |place, cell| {
         let (value, is_dated) = value(cell)?;
         are_dated[place] |= is_dated;
@@ -34,7 +34,7 @@ pub(super) fn read_rows(
         let error = Error::input(place, format_args!("{cell:?}"), "a number in every column", HINT);
         return Err(error.in_file(file, line as u64));
     }
-    // A table that contains only texts and times is refused.
+    // A table that contains only texts and times is an error.
     let texts: Vec<String> = sheet.columns.iter().filter_map(list_of_texts).collect();
     let is_text_or_time =
         |column: &SheetColumn| column.is_text() || meaning(&column.title).0 == "t";
@@ -49,8 +49,8 @@ pub(super) fn read_rows(
     Ok((sheet, are_dated))
 }
 
-/// Returns a description of a column with texts, including the first of them, for a message.
-/// Returns `None` if there are no texts.
+/// Returns a description of a column with texts, including the first ones, for a message. Returns
+/// `None` for a column without texts.
 fn list_of_texts(column: &SheetColumn) -> Option<String> {
     let first = column.texts.first()?;
     let n = column.n_texts;
@@ -58,12 +58,12 @@ fn list_of_texts(column: &SheetColumn) -> Option<String> {
     Some(format!("{} (column {}, {count}{first:?})", column.title, column.number))
 }
 
-/// Parses a cell. Returns its number, and true if it is the seconds of a date or time of day.
+/// Parses a cell. Returns its number, and true for the seconds of a date or time of day.
 fn value(cell: &str) -> Option<(f64, bool)> {
     number(cell).map(|value| (value, false)).or_else(|| Some((seconds_from_date(cell)?, true)))
 }
 
-/// Parses a number. A missing value is NaN, and other text is `None`.
+/// Parses a number. Returns NaN for a missing value, and `None` for any other text.
 fn number(cell: &str) -> Option<f64> {
     match cell {
         "" | "None" | "none" | "null" | "NA" | "N/A" => Some(f64::NAN),
@@ -74,7 +74,7 @@ fn number(cell: &str) -> Option<f64> {
 }
 
 /// Returns the seconds since 1970 of a date such as `2023-05-04 12:34:56.789`, or the seconds since
-/// midnight of a time of day. A date without a time is at midnight.
+/// midnight of a time of day. A date without a time means midnight.
 ///
 /// Further accepted forms are `T` between date and time, `/` and `.` in dates, names of months,
 /// `AM` and `PM`, zones (`Z`, `UTC`, `+02:00`, `-0500`), decimal commas, milliseconds after a third
@@ -89,7 +89,7 @@ pub(super) fn seconds_from_date(cell: &str) -> Option<f64> {
         return Some(days_from_date(&lower)? as f64 * DAY_S);
     }
     let (text, half) = half_day(&lower);
-    // The date ends at a blank, an underscore, or a T between digits.
+    // The date ends at a blank, at an underscore, or at a T between digits.
     let first_colon = text.find(':').unwrap_or_default();
     let (date, time) = match text.char_indices().rfind(|(place, sign)| {
         *place < first_colon
@@ -98,7 +98,7 @@ pub(super) fn seconds_from_date(cell: &str) -> Option<f64> {
         Some((place, _)) => (Some(text[..place].trim_end()), &text[place + 1..]),
         None => (None, text),
     };
-    // The time of day without its zone has two to four parts.
+    // Without its zone, the time of day has two to four parts.
     let (time, east_s) = zone(time.trim())?;
     let time = time.replace(',', ".");
     let parts: Option<Vec<f64>> = time.split(':').map(|part| part.parse().ok()).collect();
@@ -125,7 +125,7 @@ pub(super) fn seconds_from_date(cell: &str) -> Option<f64> {
     Some(days * DAY_S + hours * 3600.0 + minute * 60.0 + second + millis / 1e3 - east_s)
 }
 
-/// Removes `am` or `pm` from a text. Returns the rest, and true for `pm`, or `None` for neither.
+/// Removes `am` or `pm` from a text. Returns the rest, and true for `pm` or false for `am`.
 fn half_day(text: &str) -> (&str, Option<bool>) {
     let halves = [("am", false), ("a.m.", false), ("pm", true), ("p.m.", true)];
     let half = halves.iter().find_map(|(end, pm)| Some((text.strip_suffix(end)?, *pm)));
@@ -151,7 +151,7 @@ fn zone(time: &str) -> Option<(&str, f64)> {
     (minutes <= 14 * 60).then(|| (before.trim_end(), sign * f64::from(minutes)))
 }
 
-/// First three letters of each month's names in English and German.
+/// First three letters of the months' names in English and German.
 const MONTHS: [&str; 12] = [
     "jan", "feb", "mar mär", "apr", "may mai", "jun", "jul", "aug", "sep", "oct okt", "nov",
     "dec dez",
@@ -164,9 +164,9 @@ fn month(name: &str) -> Option<i64> {
     Some(months.find(|(_, names)| names.split(' ').any(|listed| listed == first))?.0)
 }
 
-/// Returns the days since 1970-01-01 of a date. The order is year, month and day if the first
-/// number is more than 31, otherwise month, day and year. The day comes first in dates with points,
-/// as in German, and if the first number is more than 12.
+/// Returns the days since 1970-01-01 of a date. The order is year, month, day if the first number
+/// exceeds 31, otherwise month, day, year. The day comes first in dates with points, as in German,
+/// and if the first number exceeds 12.
 fn days_from_date(date: &str) -> Option<i64> {
     if let Some(days) = date.strip_suffix(" days") {
         return days.parse().ok().filter(|days| (0..100_000).contains(days));
@@ -185,8 +185,7 @@ fn days_from_date(date: &str) -> Option<i64> {
     if !fits {
         return None;
     }
-    // Years begin in March, which makes the leap day the last day (Howard Hinnant,
-    // days_from_civil).
+    // Years are counted from March, so that the leap day comes last (Hinnant, days_from_civil).
     let year = if month <= 2 { year - 1 } else { year };
     let month = (month + 9) % 12;
     let day_of_year = (153 * month + 2) / 5 + day - 1;
@@ -200,7 +199,7 @@ mod tests {
     #[test]
     fn dates_count_seconds() {
         assert_eq!(seconds_from_date("1970-01-02 00:00:01.5"), Some(86_401.5));
-        // The expected value is from: date -u -d '2022-12-14 15:04:05' +%s
+        // The expected value was computed by: date -u -d '2022-12-14 15:04:05' +%s
         for date in [
             "2022-12-14T15:04:05Z",
             "12/14/2022 15:04:05",

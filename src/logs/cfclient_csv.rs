@@ -1,4 +1,4 @@
-//! Reads CSV files from cfclient, one for each log block, with `Timestamp` in ms and variables.
+//! Reads cfclient's CSV files, one per log block: `Timestamp` in ms, then a column per variable.
 //!
 //! Source: `src/cfclient/utils/logdatawriter.py` of crazyflie-clients-python, which writes
 //! `logdata/<connected>/<block>-<started>.csv`.
@@ -10,11 +10,10 @@ use super::{Job, cells, firmware, unknown};
 use noctograph_core::error::Result;
 use noctograph_core::files::{Head, Text, ending, entries_in, file_name};
 
-/// Period after which the times in radio logs restart, because they are 24-bit milliseconds (three
-/// bytes in the log packet).
+/// Period after which the times in radio logs, 24-bit milliseconds, restart.
 pub(super) const WRAP_S: f64 = 16_777.216;
 
-/// Returns true for a header from cfclient: `Timestamp`, and variables as `group.name`.
+/// Returns true for a cfclient header: `Timestamp`, and variables named `group.name`.
 pub(super) fn is_cfclient(head: &Head) -> bool {
     head.titles.first().is_some_and(|title| title == "Timestamp")
         && head.titles[1..].iter().any(|title| title.contains('.'))
@@ -48,7 +47,7 @@ pub(super) fn read(text: &Text<'_>, head: Head, job: Job<'_>) -> Result<Recordin
     Ok(log)
 }
 
-/// Reads those files of a folder that are from cfclient, sorted by name, as one recording.
+/// Reads the cfclient files in a folder, sorted by name, as one recording.
 pub(super) fn read_folder(path: &Path, job: Job<'_>) -> Result<Recording> {
     let Job { budget, .. } = job;
     let mut log = Recording::new(job.file);

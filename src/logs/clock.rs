@@ -7,17 +7,16 @@ use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::statistics::median;
 
-/// Minimum fall of a clock that counts as a restart, unless it is a wrap.
+/// Minimum backward step of a clock that counts as a restart, unless it is a wrap.
 const RESTART_S: f64 = 1.0;
 
-/// Minimum number of falls that count as disorder. Fewer falls are spikes.
+/// Minimum number of backward steps that count as disorder. Fewer are spikes.
 const MIN_FALLS: usize = 10;
 
-/// Latest valid time, which is 30,000 years.
+/// Latest valid time, about 30,000 years.
 const LATEST_S: f64 = 1e12;
 
-/// Repairs the times of a log so that they increase in every block, and so that all blocks have one
-/// time axis in true seconds.
+/// Repairs a log's times: they increase in every block, on one time axis in true seconds.
 ///
 /// # Errors
 ///
@@ -32,7 +31,7 @@ pub(super) fn repaired(mut log: Recording, options: &ImportOptions) -> Result<Re
     if let Some(wrap_s) = log.wrap_s {
         join_wraps(&mut log.blocks, wrap_s);
     }
-    // The rate is measured from the steps of repaired blocks.
+    // The rate is measured on the steps of repaired blocks.
     let clock_ratio = options.clock_ratio.unwrap_or_else(|| clock_rate(&mut log, options.firmware));
     for block in log.blocks.iter_mut().filter(|block| block.clock == Clock::Drone) {
         block.time_s.iter_mut().for_each(|time_s| *time_s /= clock_ratio);
@@ -40,7 +39,7 @@ pub(super) fn repaired(mut log: Recording, options: &ImportOptions) -> Result<Re
     Ok(log)
 }
 
-/// Refuses rows that are not in order of time, except for a few wraps, restarts or spikes.
+/// Returns an error for rows out of order, except for a few wraps, restarts or spikes.
 fn check_order(block: &Block, file: &str) -> Result<()> {
     let n = block.time_s.len();
     if n > 2 && block.time_s.iter().all(|time_s| *time_s == block.time_s[0]) {
@@ -55,13 +54,13 @@ fn check_order(block: &Block, file: &str) -> Result<()> {
     Err(Error::input(file, disorder, "rows in the order of their times", "sort the rows by time"))
 }
 
-/// Undoes wraps of a block, drops spikes, and keeps only the longest stretch between restarts.
+/// Undoes a block's wraps, drops spikes, and keeps only the longest stretch between restarts.
 fn repair_block(block: &mut Block, wrap_s: Option<f64>, warnings: &mut Vec<Diagnostic>) {
     let Block { name, time_s, columns, .. } = block;
     let n = time_s.len();
     let mut repairs = Vec::new();
 
-    // A spike just before a wrap would hide it, so that spikes are dropped first.
+    // Spikes are dropped first, because one just before a wrap would hide it.
     let finite = (0..n).filter(|&i| time_s[i].abs() < LATEST_S).collect();
     let mut kept = without_spikes(time_s, finite);
     let wraps = wrap_s.map_or(0, |wrap_s| undo_wraps(time_s, &kept, wrap_s));
@@ -70,7 +69,7 @@ fn repair_block(block: &mut Block, wrap_s: Option<f64>, warnings: &mut Vec<Diagn
         repairs.push(("clock-wrapped", text));
     }
 
-    // Remaining falls are restarts. The longest stretch between them is the flight.
+    // The remaining backward steps are restarts. The longest stretch between them is the flight.
     let (n_stretches, longest) = longest_stretch(time_s, &kept);
     let outside = kept.len() - longest.len();
     if n_stretches > 1 {
@@ -114,7 +113,7 @@ fn repair_block(block: &mut Block, wrap_s: Option<f64>, warnings: &mut Vec<Diagn
 }
 
 /// Returns the number of stretches between restarts, and the indices of the longest stretch. A
-/// stretch ends at its latest time, so that repeated zeros after the end of a log do not count.
+/// stretch ends at its latest time, which excludes repeated zeros after the end of a log.
 fn longest_stretch(time_s: &[f64], kept: &[usize]) -> (usize, Vec<usize>) {
     let stretches = kept.chunk_by(|a, b| time_s[*b] >= time_s[*a] - RESTART_S);
     let timed = stretches.clone().map(|stretch| {
@@ -125,7 +124,7 @@ fn longest_stretch(time_s: &[f64], kept: &[usize]) -> (usize, Vec<usize>) {
     (stretches.count(), longest.map(|(_, stretch)| stretch.to_vec()).unwrap_or_default())
 }
 
-/// Removes the indices of single times that are later than the next time.
+/// Removes the indices of isolated times that are later than the next one.
 fn without_spikes(time_s: &[f64], indices: Vec<usize>) -> Vec<usize> {
     let mut kept: Vec<usize> = Vec::with_capacity(indices.len());
     for (place, &i) in indices.iter().enumerate() {
@@ -138,7 +137,7 @@ fn without_spikes(time_s: &[f64], indices: Vec<usize>) -> Vec<usize> {
     kept
 }
 
-/// Adds `wrap_s` after each fall of the time by more than half of it. Returns the number of wraps.
+/// Adds `wrap_s` after each backward step of more than half of it. Returns the number of wraps.
 fn undo_wraps(time_s: &mut [f64], kept: &[usize], wrap_s: f64) -> u32 {
     let (mut wraps, mut last_s) = (0, f64::NEG_INFINITY);
     for &i in kept {
@@ -152,7 +151,7 @@ fn undo_wraps(time_s: &mut [f64], kept: &[usize], wrap_s: f64) -> u32 {
     wraps
 }
 
-/// Adds a wrap to blocks that began just after one, so that all blocks use the same clock.
+/// Adds a wrap to blocks that began just after one, so that all blocks have the same clock.
 fn join_wraps(blocks: &mut [Block], wrap_s: f64) {
     let mut drone = Vec::from_iter(blocks.iter_mut().filter(|block| block.clock == Clock::Drone));
     let latest_s = drone.iter().map(|block| block.time_s[0]).fold(f64::NEG_INFINITY, f64::max);
@@ -164,14 +163,14 @@ fn join_wraps(blocks: &mut [Block], wrap_s: f64) {
 }
 
 /// Returns the seconds of the drone's clock per true second. For a µSD log this is the rate that
-/// its times show, or else that of its firmware, or else that of `assumed`. Warns of guesses.
+/// its times indicate, otherwise that of its firmware or of `assumed`. Warns of guesses.
 fn clock_rate(log: &mut Recording, assumed: Option<Release>) -> f64 {
     if !log.is_on_card {
         return 1.0;
     }
     let named = log.firmware.as_deref().and_then(|name| Some((Release::parse(name)?, name)));
     let shown = log.blocks.iter().find_map(|block| Some((shown_rate(block)?, &block.name)));
-    // A measured rate is preferred to that of a named firmware, and an assumed rate is last.
+    // A measured rate takes precedence over a named firmware's, and an assumed rate comes last.
     let (rate, is_odd, why) = match (shown, named) {
         (Some((rate, block)), None) => {
             (rate, false, format!("as the period of block {block} shows"))
@@ -182,7 +181,7 @@ fn clock_rate(log: &mut Recording, assumed: Option<Release>) -> f64 {
             let why = format!("as the period of block {block} shows{odd}{firmware}, which flew");
             (rate, is_odd, why)
         }
-        // Version 1 counts milliseconds of the operating system, unless its times show otherwise.
+        // In version 1 the times are the system's milliseconds, unless they indicate otherwise.
         (None, _) if log.wrap_s.is_some() => return 1.0,
         (None, Some((release, firmware))) => {
             (release.clock(), false, format!("as that of firmware {firmware}, which flew"))
@@ -208,11 +207,11 @@ fn clock_rate(log: &mut Recording, assumed: Option<Release>) -> f64 {
     rate
 }
 
-/// Returns the clock rate that the times of a block show, or `None` if it has no usual period. The
-/// card is written at true ticks of the operating system, but with times of the drone's clock.
+/// Returns the clock rate that a block's times indicate, or `None` if the block has no usual
+/// period. The card is written at true ticks of the system, but with times of the drone's clock.
 fn shown_rate(block: &Block) -> Option<f64> {
-    /// Usual periods, and the maximum relative deviation of the mean step from them. Steps within
-    /// the spread of the median are averaged.
+    /// Usual periods, and the maximum relative deviation of the mean step, averaged near the
+    /// median.
     const PERIODS_S: [f64; 9] = [0.001, 0.002, 0.004, 0.005, 0.01, 0.02, 0.025, 0.05, 0.1];
     const TOLERANCE: f64 = 0.004;
     const SPREAD: f64 = 0.3;
@@ -281,7 +280,7 @@ mod tests {
         let (time_s, _, warnings) = settled(&stamps, None);
         assert_eq!((time_s.len(), time_s[0]), (100, 40.0));
         assert!(warnings > 0, "and they are named");
-        // The stretch with fewer samples over a longer time is the flight.
+        // The stretch with fewer samples but a longer duration is the flight.
         let slow = (0..20).map(|i| 40.0 + 0.5 * f64::from(i));
         let stamps: Vec<f64> = slow.chain((0..200).map(|i| 0.01 * f64::from(i))).collect();
         assert_eq!(settled(&stamps, None).0.len(), 20);
@@ -296,10 +295,10 @@ mod tests {
         assert_eq!(recording.blocks[1].time_s, [100.5, 101.5]);
     }
 
-    /// Returns the factor by which the time of a log on the card is stretched, and its warnings.
-    /// `period_s` is the period of the log.
+    /// Returns the factor by which the times of a log on the card are stretched, and its warnings.
+    /// `period_s` is the log's period.
     fn on_card(period_s: f64, firmware: Option<&str>, options: &ImportOptions) -> (f64, String) {
-        // Times of events have no period.
+        // The times of events have no period.
         let uneven = |i: u32| if period_s == 0.0 { 0.013 * libm::sqrt(f64::from(i)) } else { 0.0 };
         let time_s = (0..200).map(|i| f64::from(i) * period_s + uneven(i)).collect();
         let blocks = vec![Block { time_s, ..Block::default() }];

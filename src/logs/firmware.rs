@@ -1,26 +1,25 @@
-//! Finds the release of the drone's firmware, if a log names it.
+//! Finds the release of the drone's firmware if a log states it.
 //!
-//! Exported scripts write the release to their logs (`noctograph.firmware`). Other JSON may contain
-//! it as `firmware` or `firmware_version`, and tables in a comment before their header (`#
-//! firmware: 2026.08`). Logs on the card and from cfclient do not contain it.
+//! Exported scripts write the release to their logs (`noctograph.firmware`). Other JSON may state
+//! it as `firmware` or `firmware_version`, and tables in a comment before the header (`# firmware:
+//! 2026.08`). Logs from the card and from cfclient do not state it.
 
 use super::recording::Recording;
 use noctograph_core::crazyflie::Release;
 use noctograph_core::diagnostic::Diagnostic;
 
-/// Number of lines that are searched, and number of bytes in each.
+/// Number of lines that are searched, and number of bytes of each.
 const LINES: usize = 100;
 const BYTES: usize = 200;
 
-/// Returns the firmware that a comment at the start of a table names.
+/// Returns the firmware that a comment at the start of a table states.
 pub(super) fn in_comments(text: &[u8]) -> Option<String> {
     let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);
     let lines = text.split(|byte| matches!(byte, b'\n' | b'\r')).take(LINES);
     let comments = lines.filter(|line| matches!(line.first(), Some(b'#' | b'%' | b'/')));
     comments.into_iter().find_map(|line| {
         let line = String::from_utf8_lossy(&line[..line.len().min(BYTES)]).into_owned();
-        // The version is the first release after the word firmware, or else a word that looks like
-        // a commit.
+        // The version is the first release after the word firmware, otherwise a word like a commit.
         let end = line.to_ascii_lowercase().find("firmware")? + "firmware".len();
         let after = line.get(end..)?.split(|c: char| c.is_whitespace() || "=:,;\"'()".contains(c));
         let words: Vec<&str> = after.filter(|word| !word.is_empty()).collect();
@@ -31,12 +30,12 @@ pub(super) fn in_comments(text: &[u8]) -> Option<String> {
     })
 }
 
-/// Returns a warning if the recording's firmware does not fly like the scene's, `assumed`.
+/// Returns a warning if the recording's firmware flies differently from the scene's, `assumed`.
 pub(super) fn doubt(recording: &Recording, assumed: Option<Release>) -> Option<Diagnostic> {
     let (named, release) = (recording.firmware.as_ref()?, assumed?);
     let assumed = release.name();
     let text = match Release::parse(named) {
-        // Releases that fly alike need no warning.
+        // Releases that fly alike do not cause a warning.
         Some(flown) if flown.is_like(release) => return None,
         Some(flown) => format!(
             "the drone flew firmware {named}: vehicle.firmware = \"{}\" is its model, and here it \

@@ -9,25 +9,25 @@ use noctograph_core::files::{Head, Text};
 /// Titles of the first columns of a flight file.
 const FLIGHT: [&str; 5] = ["time_s", "x_m", "y_m", "z_m", "yaw_rad"];
 
-/// Format of a log, with the text and the header that were read to recognize it.
+/// Format of a log, with the text and header that were parsed to recognize it.
 pub(super) enum Format<'a> {
     Card,
     Json(Text<'a>),
     Flight(Text<'a>, Head),
     Cfclient(Text<'a>, Head),
-    /// Any other table, or one from motion capture.
+    /// Any other table, possibly from motion capture.
     Table(Text<'a>, Head, Option<Capture>),
 }
 
 impl<'a> Format<'a> {
-    /// Recognizes the format of a log. Known files of other programs, some of which look like
-    /// tables, are refused first.
+    /// Recognizes the format of a log. Known formats of other programs, some of which look like
+    /// tables, are rejected first.
     pub(super) fn recognized(bytes: &'a [u8], file: &str) -> Result<Self> {
         refuse_foreign(bytes, file)?;
         if bytes.first() == Some(&usd::MAGIC) {
             return Ok(Self::Card);
         }
-        // JSON starts with a bracket, and a table with a header.
+        // JSON begins with a bracket, and a table with a header.
         let text = Text::decode(bytes);
         let content = text.bytes.trim_ascii_start();
         if content.starts_with(b"{") || content.starts_with(b"[") {
@@ -54,8 +54,8 @@ impl<'a> Format<'a> {
     }
 }
 
-/// Returns true for a flight file, whose first columns are a pose, or whose first column is the
-/// time and which has a column of letters. A table with ranges is an imported log instead.
+/// Returns true for a flight file. Its first columns are a pose, or its first column is the time
+/// and another column contains letters. A table with ranges is an imported log instead.
 fn is_flight(head: &Head) -> bool {
     let begins = head.titles.first().is_some_and(|title| title == FLIGHT[0]);
     head.titles.starts_with(&FLIGHT.map(str::to_owned))
@@ -67,7 +67,7 @@ fn has_ranges(head: &Head) -> bool {
     head.titles.iter().any(|title| title.starts_with("ranging."))
 }
 
-/// Returns true for a flight file with ranges, an imported log that does not keep the log's clock.
+/// Returns true for a flight file with ranges, an imported log that no longer uses the log's clock.
 pub(super) fn is_imported(head: &Head) -> bool {
     head.has(FLIGHT[0]) && head.has("letter") && has_ranges(head)
 }
@@ -83,7 +83,7 @@ const BY_NAME: &str =
 const BY_POLYNOMIAL: &str = "it is a plan, not a flight: evaluate its pieces at 100 Hz, and write \
                              t,x,y,z,yaw";
 
-/// First bytes of foreign files, names of their formats, and advice.
+/// First bytes of foreign formats, with the name of each format and advice.
 const FORMATS: [(&[u8], &str, &str); 31] = [
     (b"ULog\x01\x12\x35", "a PX4 ULog", "import vehicle_local_position, of `ulog2csv FILE`"),
     (b"\xa3\x95", "a DataFlash log of ArduPilot", BY_MAVLOGDUMP),
@@ -123,7 +123,7 @@ const FORMATS: [(&[u8], &str, &str); 31] = [
     (b"{\\rtf", "an RTF document", "save it as plain text, with a header t,x,y,z"),
 ];
 
-/// Refuses a file in one of [`FORMATS`], with a hint about how to convert it to a table.
+/// Returns an error for a file in one of [`FORMATS`], with a hint on converting it to a table.
 fn refuse_foreign(bytes: &[u8], file: &str) -> Result<()> {
     let foreign = FORMATS.iter().find(|(first_bytes, ..)| bytes.starts_with(first_bytes));
     foreign.map_or(Ok(()), |(_, what, hint)| {

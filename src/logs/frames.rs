@@ -1,10 +1,10 @@
-//! Converts the axes of a table's world frame from z down or y up to z up.
+//! Converts a table's world frame to z up, from z down or y up.
 //!
-//! The axes come from the format, from an option, or from the flight, because a drone takes off
-//! from the floor along the vertical axis and never goes below the floor. If this is true of z,
-//! then z is up. If it is not, and the drone would be on the floor or below it, the other axis of
-//! which it is true is up. If there is no such axis, z is assumed to be up, with a warning. If
-//! there are two, the log is refused.
+//! The axes are determined by the format, by an option, or by the flight: a drone takes off from
+//! the floor along the vertical axis and never goes below the floor. If z has this property, z is
+//! up. If not, and the drone would otherwise be on or below the floor, the axis with this property
+//! is up. If there is no such axis, z is assumed to be up, with a warning. If there are two, the
+//! log is refused.
 
 use super::recording::{Block, Column, Recording, names};
 use super::{Axes, ImportOptions};
@@ -22,20 +22,20 @@ const VECTORS: [&str; 7] = [
     "q{x y z}",
 ];
 
-/// Angles that change sign if z points down. Roll does not.
+/// Angles that change sign if z points down. Roll is unaffected.
 const ANGLES: [&str; 2] = ["yaw_rad", "pitch_rad"];
 
-/// Height of a climb that indicates a take-off.
+/// Climb height that indicates a take-off.
 const CLIMB_M: f64 = 0.2;
-/// First part of the climb in which the drone must go straight up, and its maximum drift there.
+/// First part of the climb, in which the path must be vertical, and the maximum drift within it.
 const STRAIGHT_M: f64 = 0.12;
 const DRIFT_M: f64 = 0.08;
-/// Maximum height above the lowest position at which a drone is on the floor.
+/// Maximum height above the lowest position of a drone that counts as on the floor.
 const FLOOR_M: f64 = 0.05;
 
 /// Converts the plain columns of a log to a world frame with z up.
 pub(super) fn with_z_up(mut log: Recording, options: &ImportOptions) -> Result<Recording> {
-    // An option overrides the format, which overrides the axes inferred from the flight.
+    // An option takes precedence over the format, and the format over the inferred axes.
     let (axes, why) = match (options.axes, log.axes) {
         (Axes::Auto, Axes::Auto) => inferred(&log)?,
         (Axes::Auto, axes) => (axes, log.in_format.map(|format| format!("as {format} writes it"))),
@@ -44,7 +44,7 @@ pub(super) fn with_z_up(mut log: Recording, options: &ImportOptions) -> Result<R
     let to = match axes {
         Axes::ZDown => "x, -y, -z",
         Axes::YUp => "x, -z, y",
-        // Only a guess needs a warning.
+        // Only guesses cause a warning.
         Axes::Auto | Axes::ZUp => {
             let z_up_guess = why.filter(|_| axes == Axes::Auto);
             log.warnings.extend(z_up_guess.map(|why| Diagnostic::warning("axes-guessed", why)));
@@ -68,13 +68,13 @@ pub(super) fn with_z_up(mut log: Recording, options: &ImportOptions) -> Result<R
 /// Rotates the vectors and angles of a block from `axes` to z up.
 fn rotate_to_z_up(block: &mut Block, axes: Axes) {
     if axes == Axes::ZDown {
-        // The half turn about x keeps x and changes the signs of y and z.
+        // A half turn about x keeps x and changes the signs of y and z.
         let vectors = VECTORS.into_iter().flat_map(|pattern| names(pattern).skip(1));
         vectors.chain(ANGLES.map(str::to_owned)).for_each(|name| negate(block.column_mut(&name)));
         return;
     }
     for pattern in VECTORS {
-        // The quarter turn about x makes y the new z, and z the new −y.
+        // A quarter turn about x makes y the new z, and z the new −y.
         let indices =
             names(pattern).map(|name| block.columns.iter().position(|column| column.name == name));
         let indices: Option<Vec<usize>> = indices.collect();
@@ -87,13 +87,13 @@ fn rotate_to_z_up(block: &mut Block, axes: Axes) {
     }
 }
 
-/// Changes the signs of a column's values, if the column exists.
+/// Changes the signs of a column's values if the column exists.
 fn negate(column: Option<&mut Column>) {
     let values = column.into_iter().flat_map(|column| &mut column.values);
     values.for_each(|value| *value = -*value);
 }
 
-/// Returns the reason why positions probably do not have z up, if there is one.
+/// Returns a reason if positions probably do not have z up.
 pub(super) fn axes_doubt(recording: &Recording) -> Option<String> {
     let (axes, why) = match inferred(recording) {
         Ok((axes, why)) => (axes, why?),
@@ -113,7 +113,7 @@ pub(super) fn axes_doubt(recording: &Recording) -> Option<String> {
     }
 }
 
-/// Returns the positions of a block's rows with all three coordinates, if there are more than two.
+/// Returns the positions of a block's complete rows, if there are more than two.
 fn positions_m(block: &Block) -> Option<Vec<[f64; 3]>> {
     let [x, y, z] = ["x_m", "y_m", "z_m"].map(|name| block.column(name));
     let rows = x?.values.iter().zip(&y?.values).zip(&z?.values).map(|((x, y), z)| [*x, *y, *z]);
@@ -121,16 +121,16 @@ fn positions_m(block: &Block) -> Option<Vec<[f64; 3]>> {
     (rows.len() > 2).then_some(rows)
 }
 
-/// Returns no axes, and a warning that z is assumed to point up because of `seen`.
+/// Returns `Auto`, and a warning that z is assumed to point up because of `seen`.
 fn z_up_guess(seen: &str) -> (Axes, Option<String>) {
     (Axes::Auto, Some(format!("{seen}: z is taken to point up, which is a guess")))
 }
 
-/// Returns the axes that the flight determines and the reason, or `Auto` and perhaps a warning.
+/// Returns the axes inferred from the flight with the reason, or `Auto` and possibly a warning.
 fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
     let none = Ok((Axes::Auto, None));
     let Some(rows) = recording.blocks.iter().find_map(positions_m) else { return none };
-    // In the usual case z is up, and the other axes are not checked.
+    // Usually z is up, and the other axes are not tested.
     if takes_off(&rows, 2, 1.0) {
         return none;
     }
@@ -140,8 +140,8 @@ fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
     let highest_m = heights[heights.len() - 1];
     let is_below = middle_m < -FLOOR_M;
     let is_flat = highest_m - lowest_m < FLOOR_M && middle_m.abs() < FLOOR_M;
-    // If the drone leaves and returns along y, then y is up, unless z is constant and above zero.
-    // In that case it may hover at one height while it moves along y.
+    // If the drone departs and returns along y, then y is up, unless z is constant and above zero.
+    // In that case the drone may hover at a constant height while it moves along y.
     let is_low = [rows[0], rows[rows.len() - 1]].iter().any(|row| row[2].abs() < CLIMB_M);
     let climbs_along_y =
         climbs(rows.iter(), &rows, 1, 1.0) && climbs(rows.iter().rev(), &rows, 1, 1.0);
@@ -156,7 +156,7 @@ fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
     if !(is_below || is_flat || rises_along_y) {
         return Ok(z_up_guess(unseen));
     }
-    // With z up the drone would be below the floor, on it, or level. Other axes are checked.
+    // With z up, the drone would be on or below the floor, or level. Other axes are tested.
     let (axes, why) = match (takes_off(&rows, 2, -1.0), takes_off(&rows, 1, 1.0)) {
         (true, true) => {
             let flight = "a flight that rises along -z and along y";
@@ -179,13 +179,12 @@ fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
     Ok((axes, Some(why)))
 }
 
-/// Returns true if the flight starts or ends with a climb along one axis from its lowest position.
+/// Returns true if the flight begins or ends with a climb from its lowest position along one axis.
 fn takes_off(rows: &[[f64; 3]], axis: usize, sign: f64) -> bool {
     climbs(rows.iter(), rows, axis, sign) || climbs(rows.iter().rev(), rows, axis, sign)
 }
 
-/// Returns true if the rows, in the order of `from_end`, start at the lowest position and climb
-/// straight.
+/// Returns true if the rows, ordered by `from_end`, begin at the lowest position and climb.
 fn climbs<'a>(
     mut from_end: impl Iterator<Item = &'a [f64; 3]>,
     rows: &[[f64; 3]],
@@ -216,7 +215,7 @@ fn climbs<'a>(
 mod tests {
     use super::*;
 
-    /// Returns a flight of take-off, an L on the wall and landing, in another frame by `to`.
+    /// Returns a flight that takes off, writes an L and lands, with positions transformed by `to`.
     fn flight(to: impl Fn([f64; 3]) -> [f64; 3]) -> Recording {
         let place = |t: f64| [(t - 2.0).clamp(0.0, 1.0), 0.1, t.min(8.0 - t).clamp(0.0, 1.0)];
         let rows: Vec<[f64; 3]> = (0..=80).map(|i| to(place(0.1 * f64::from(i)))).collect();
@@ -261,7 +260,7 @@ mod tests {
             let log = with_z_up(flight(to), &options).unwrap();
             (log.blocks[0].columns[2].values[40], crate::tests::said(&log))
         }
-        // In this world, it drifts as it takes off and lands along y, and z is toward the viewer.
+        // Here the drone drifts while it takes off and lands along y, and z points to the viewer.
         let drifts = |[x, y, z]: [f64; 3]| [x + z, z, y];
         let shuttles = |[x, _, z]: [f64; 3]| [x, z, 0.8];
         let deep = |[x, y, z]: [f64; 3]| [x, z, -y - 0.09 * x];

@@ -1,4 +1,4 @@
-//! Finds the logs of an evening, among files and folders, and the drone of each log.
+//! Finds the logs of an evening among files and folders, and the drone of each log.
 
 use std::path::{Path, PathBuf};
 
@@ -7,29 +7,29 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Head, Text, ending, entries_in, file_name};
 
 const MAX_LOGS: usize = 2000;
-/// Depth to which folders are searched: a drone's, an evening's, cfclient's.
+/// Maximum depth of searched folders: a drone's, an evening's and cfclient's.
 const DEPTH: usize = 4;
 /// Extensions of files that are not logs.
 const OTHERS: [&str; 13] =
     ["html", "toml", "md", "yaml", "yml", "png", "jpg", "jpeg", "svg", "pdf", "mp4", "mov", "zip"];
-/// Number of bytes at the start of a file that contain its first line.
+/// Number of bytes at the start of a file that include its first line.
 const HEAD_BYTES: usize = 1 << 16;
 
-/// A log in the folder of an evening.
+/// A log in an evening's folder.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct GatheredLog {
-    /// Path of a file, or of a folder that is one log.
+    /// Path of a file, or of a folder that is a single log.
     pub path: PathBuf,
-    /// Name of the drone: the serial number, or else the address, that an exported script writes to
-    /// its log. Otherwise the log's folder, or the file name up to the first `-`, `_`, `.` or
-    /// space.
+    /// Name of the drone: the serial number or, without one, the address that an exported script
+    /// writes to its log. For other logs it is the name of the folder, or the file name up to the
+    /// first `-`, `_`, `.` or space.
     pub drone: String,
-    /// Path relative to the folder of the evening.
+    /// Path relative to the evening's folder.
     pub name: String,
 }
 
-/// Returns true if a folder is one log, because it contains the files of one cfclient connection,
-/// or of gym-pybullet-drones.
+/// Returns true if a folder is a single log, because it contains the files of one cfclient
+/// connection or of gym-pybullet-drones.
 ///
 /// # Errors
 ///
@@ -37,7 +37,7 @@ pub struct GatheredLog {
 pub fn is_one_log(folder: &Path) -> Result<bool> {
     Ok(bullet_folder::variables(folder)?.is_some()
         || entries_in(folder)?.iter().any(|path| {
-            // A file that cannot be read is ignored here, and its import reports the error.
+            // An unreadable file is ignored here, and is reported when it is imported.
             cfclient_csv::may_be_cfclient(path)
                 && path.is_file()
                 && LIMIT.beginning(path, HEAD_BYTES).is_ok_and(|head| {
@@ -51,14 +51,13 @@ pub fn is_one_log(folder: &Path) -> Result<bool> {
 ///
 /// # Errors
 ///
-/// Returns [`Error::Io`] if a folder cannot be read, and [`Error::Input`] if there is no log, or
-/// too many.
+/// Returns [`Error::Io`] for an unreadable folder, and [`Error::Input`] for no log or too many.
 pub fn logs_in(folder: &Path) -> Result<(Vec<GatheredLog>, Vec<String>)> {
     let (mut logs, mut others) = (Vec::new(), Vec::new());
     let (mut folders, mut too_deep) = (vec![(folder.to_owned(), 0)], Vec::new());
     while let Some((inside, depth)) = folders.pop() {
         for path in entries_in(&inside)? {
-            // A folder that is one log is not searched.
+            // A folder that is a single log is not searched.
             let is_hidden = file_name(&path).starts_with('.');
             let is_other = path.is_file() && OTHERS.contains(&&*ending(&path));
             if is_hidden || is_other || is_kept_whole(&path) {
@@ -86,7 +85,7 @@ pub fn logs_in(folder: &Path) -> Result<(Vec<GatheredLog>, Vec<String>)> {
     Ok((logs.into_iter().map(|path| GatheredLog::new(path, folder)).collect(), others))
 }
 
-/// Returns true for the log in lines (`NAME.jsonl`) of a flight whose script also wrote the
+/// Returns true for a line-by-line log (`NAME.jsonl`) of a flight for which the script also wrote a
 /// complete log (`NAME.json`).
 fn is_kept_whole(path: &Path) -> bool {
     let whole = path.with_extension("json");
@@ -99,7 +98,7 @@ fn is_of_script(path: &Path) -> bool {
 }
 
 impl GatheredLog {
-    /// Determines the drone's name and the relative path of a log.
+    /// Determines a log's drone and relative path.
     fn new(path: PathBuf, folder: &Path) -> Self {
         let within = path.strip_prefix(folder).unwrap_or(&path).to_owned();
         let mut parts = within.iter().map(|part| part.to_string_lossy().into_owned());
@@ -129,14 +128,14 @@ pub fn scene_in(log: &Path) -> Option<String> {
     Some(about.get("scene")?.as_str()?.to_owned())
 }
 
-/// Returns the word that an exported script stores at the start of its log.
+/// Returns the word that an exported script wrote at the start of its log.
 pub fn word_in(log: &Path) -> Option<String> {
     let about = script_entry(&LIMIT.beginning(log, HEAD_BYTES).ok()?)?;
     Some(about.get("word")?.as_str()?.to_owned())
 }
 
-/// Returns the entry `noctograph` of an exported script in its log. The entry is usually at the
-/// start, but another program may have rewritten the log.
+/// Returns the entry `noctograph` that an exported script wrote to its log. The entry is usually at
+/// the start, but another program may have rewritten the log.
 fn script_entry(log: &[u8]) -> Option<serde_json::Value> {
     const KEY: &[u8] = b"\"noctograph\"";
     let text = Text::of_unicode(log);
@@ -151,7 +150,7 @@ fn script_entry(log: &[u8]) -> Option<serde_json::Value> {
 const DEFAULT_ADDRESS: &str = "E7E7E7E7E7";
 
 /// Returns the address in a link's URI (`radio://0/80/2M/E7E7E7E7E7`). The default address is
-/// preceded by the radio channel, which distinguishes the drones.
+/// preceded by the radio channel, so that drones remain distinguishable.
 fn address(uri: &str) -> String {
     let mut parts = uri.split('?').next().unwrap_or_default().rsplit('/');
     let (address, channel) = (parts.next().unwrap_or_default(), parts.nth(1));

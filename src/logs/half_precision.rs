@@ -1,27 +1,26 @@
-//! Repairs half-precision log values that lost the carry of their rounding.
+//! Repairs half-precision log values that were rounded without a carry.
 //!
-//! Firmware without [`Feature::HALF_PRECISION`] rounds the mantissa up without a carry into an
-//! exponent that is odd. A value that rounds to 0.5, 2, 8 or another 2·4ⁿ is therefore logged as
-//! exactly half of it. All other values are right. A sample that is half of both its neighbors is
-//! such a value, and the right value is twice the sample. Logs on the card do not use half
-//! precision.
+//! Firmware without [`Feature::HALF_PRECISION`] does not carry when it rounds the mantissa up into
+//! an odd exponent. A value that rounds to 0.5, 2, 8 or another 2·4ⁿ is therefore logged as exactly
+//! half. All other values are correct. If a sample is half of each neighbor, it is such a value,
+//! and the correct value is twice the sample. Logs on the card do not use half precision.
 
 use half::f16;
 
 use super::recording::{Column, Recording};
 use noctograph_core::crazyflie::{Feature, Release};
 
-/// Maximum distances of each neighbor, and of their mean, from twice the sample, relative to it.
+/// Maximum relative distances of each neighbor, and of their mean, from twice the sample.
 const NEIGHBOR: f64 = 0.4;
 const MEAN: f64 = 0.1;
-/// Maximum number of such samples in a row, because few values lose their carry.
+/// Maximum number of such samples in a row. Few values lose their carry.
 const LONGEST: usize = 4;
 /// Decimal steps per unit in a text. Values with a finer resolution are binary numbers.
 const DECIMALS: [f64; 8] = [1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7];
-/// Minimum number of decimal steps in a value, because small counts are not measurements.
+/// Minimum size of a value in decimal steps. Smaller values are counts rather than measurements.
 const STEPS: f64 = 64.0;
 
-/// Doubles samples that lost their carry, with a warning, unless the log's firmware keeps it.
+/// Doubles samples that lost their carry, with a warning, unless the firmware keeps the carry.
 pub(super) fn restored(mut log: Recording) -> Recording {
     let release = log.firmware.as_deref().and_then(Release::parse);
     if release.is_some_and(|release| release.has(&Feature::HALF_PRECISION)) {
@@ -30,7 +29,7 @@ pub(super) fn restored(mut log: Recording) -> Recording {
     let mut restored = Vec::new();
     for block in &mut log.blocks {
         for Column { name, values, .. } in &mut block.columns {
-            // The cheap search for suspects comes first, because most columns have none.
+            // The inexpensive search for suspects comes first, because most columns contain none.
             let rows = rows_without_carry(values);
             let Some(first) = rows.first().filter(|first| may_be_half(values, values[**first]))
             else {
@@ -57,7 +56,7 @@ fn rows_without_carry(values: &[f64]) -> Vec<usize> {
     let (mut rows, mut start) = (Vec::new(), 0);
     for run in values.chunk_by(|a, b| a == b) {
         let (value, end) = (run[0], start + run.len());
-        // A suspect is a run of equal values between two neighbors that are about twice as large.
+        // A suspect is a run of equal values whose two neighbors are about twice as large.
         if start > 0 && end < values.len() && run.len() <= LONGEST && may_have_lost(value) {
             let (before, after) = (values[start - 1], values[end]);
             let mean = f64::midpoint(before, after);
@@ -72,14 +71,14 @@ fn rows_without_carry(values: &[f64]) -> Vec<usize> {
     rows
 }
 
-/// Returns true if a value may have lost its carry, which makes it ±1 times a power of 4.
+/// Returns true if a value may have lost its carry, which yields ±1 times a power of 4.
 fn may_have_lost(value: f64) -> bool {
     let bits = f16::from_f64(value).to_bits();
     bits & 0x03ff == 0 && bits >> 10 & 1 == 1
 }
 
-/// Returns true if all values are of half precision, up to the rounding of their printed digits,
-/// and if these digits resolve `value`.
+/// Returns true if all values have half precision, up to the rounding of their printed digits, and
+/// if these digits resolve `value`.
 fn may_be_half(values: &[f64], value: f64) -> bool {
     let finite = || values.iter().filter(|value| value.is_finite());
     let are_whole = |scale: &f64| {
@@ -88,7 +87,7 @@ fn may_be_half(values: &[f64], value: f64) -> bool {
             (scaled - scaled.round()).abs() <= 1e-9 * scaled.abs().max(1.0)
         })
     };
-    // The rounding is bounded by the printed step, which is zero for binary numbers.
+    // The rounding is limited by the printed step, which is zero for binary numbers.
     let step = DECIMALS.into_iter().find(are_whole).map_or(0.0, f64::recip);
     let is_half =
         |value: &f64| (value - f64::from(f16::from_f64(*value))).abs() <= 0.5 * step * (1.0 + 1e-6);
@@ -101,7 +100,7 @@ mod tests {
     use crate::recording::Block;
     use crate::tests::said;
 
-    /// Returns a value as `single2half` of firmware up to 2026.04 writes it and cflib reads it.
+    /// Returns a value as written by `single2half` (firmware up to 2026.04) and read by cflib.
     fn logged(value: f32) -> f64 {
         let bits = value.to_bits();
         let (sign, exponent) = (bits >> 31, bits >> 23 & 0xff);
@@ -181,12 +180,12 @@ mod tests {
     #[test]
     fn what_is_no_half_is_left_as_it_is() {
         for values in [
-            &[2.0, 2.0, 1.0, 2.0, 2.0, 3.0][..], // stations that are seen
+            &[2.0, 2.0, 1.0, 2.0, 2.0, 3.0][..], // number of visible stations
             &[0.5, 0.25, 0.5, 0.25, 0.5],        // setpoints
-            &[0.499_981, 0.500_123, 0.25, 0.500_021], // six decimals: a real dip
+            &[0.499_981, 0.500_123, 0.25, 0.500_021], // six decimals: an actual dip
             &[0.499_755_859_375, 0.25, 0.25, 0.25, 0.25, 0.25, 0.499_511_718_75],
-            &[0.25, 0.499_755_859_375, 0.499_511_718_75, 0.25], // the ends
-            &[0.125, 0.25, 0.499_755_859_375, 1.0],             // a climb
+            &[0.25, 0.499_755_859_375, 0.499_511_718_75, 0.25], // at the ends
+            &[0.125, 0.25, 0.499_755_859_375, 1.0],             // during a climb
         ] {
             let (after, said) = restored(values, None);
             assert_eq!((after.as_slice(), said.as_str()), (values, ""));

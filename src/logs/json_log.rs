@@ -5,13 +5,12 @@
 //! - 2024–25: `{"drone": {"var": {"time": [s], "data": []}}, "mocap": {"time": [s], "x": [], …}}`
 //!
 //! An object with `time` and `data` is a variable. Other objects are folders, whose name (except
-//! `drone`) prefixes the names in them. Lists next to a list of times are columns. A list of
+//! `drone`) prefixes the names inside them. Lists next to a list of times are columns. A list of
 //! objects with a time is a block of rows, as written by cflib scripts and by pandas' `to_json`.
-//! Columns and rows may use the usual names of plain CSV. A warning names members that are not
-//! read.
+//! Columns and rows may use the usual names of plain CSV. A warning lists members that are ignored.
 //!
-//! The text is checked once, then split from the outside to the inside into slices ([`RawValue`]).
-//! Only the numbers of columns are kept in memory.
+//! The text is checked once, then split recursively into slices ([`RawValue`]). Only the numbers of
+//! columns are kept in memory.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -28,20 +27,20 @@ use noctograph_core::files::{Budget, Text, simplified};
 use noctograph_core::flight::timestamps::{SLOWEST_PERIOD_S, unit_of};
 use noctograph_core::statistics::median;
 
-/// Work budget in steps: for a byte of text, a value, a name in addition to its bytes, and a title.
+/// Work budget in steps: per byte of text, per value, per name besides its bytes, and per title.
 const BYTE_STEPS: usize = 3;
 const VALUE_STEPS: usize = 60;
 const NAME_STEPS: usize = 200;
 const TITLE_STEPS: usize = 10_000;
 
-/// Memory in bytes: for a name besides its text, and for an item of a list that grows by doubling.
+/// Memory in bytes: per name besides its text, and per item of a list that grows by doubling.
 const NAME_BYTES: usize = 160;
 const ITEM_BYTES: usize = 24;
 
 /// Maximum depth of nested lists and objects.
 const MAX_DEPTH: usize = 128;
 
-/// Number of different texts of a column that are kept, and number of characters in each.
+/// Number of different texts that are kept per column, and number of characters in each.
 const TEXTS: usize = 4;
 const TEXT_CHARS: usize = 40;
 
@@ -56,7 +55,7 @@ pub(super) fn read(text: &Text<'_>, job: Job<'_>) -> Result<Recording> {
     let mut log = Recording { wrap_s: Some(WRAP_S), ..Recording::new(file) };
     log.warn_of_notes(&text.notes);
 
-    // JSON lines, NaN, and a log that ends too early are converted to valid JSON.
+    // JSON lines, NaN, and a truncated log are first converted to valid JSON.
     let mut text = listed(&text.bytes).unwrap_or_else(|| text.bytes.to_vec());
     let depth = replace_nan(&mut text);
     if depth > MAX_DEPTH {
@@ -76,7 +75,7 @@ pub(super) fn read(text: &Text<'_>, job: Job<'_>) -> Result<Recording> {
         Error::input(place, &source, "JSON", HINT).in_file(file, source.line() as u64)
     })?;
 
-    // The unit of a clock follows from its fastest block, so that all blocks are read first.
+    // A clock's unit is determined by its fastest block, so all blocks are read first.
     let text = std::str::from_utf8(&text).expect("JSON was read from it");
     let mut reader = Reader { text, budget, log, skipped: Vec::new(), in_seconds: false };
     reader.top(top)?;
@@ -89,15 +88,15 @@ pub(super) fn read(text: &Text<'_>, job: Job<'_>) -> Result<Recording> {
     Ok(log)
 }
 
-/// Returns true if the error is that of a text that ends too early, even within a number.
+/// Returns true if the error means that the text ends too early, even within a number.
 fn is_cut(source: &serde_json::Error, text: &[u8]) -> bool {
     let last = text.rsplit(|byte| *byte == b'\n').next().unwrap_or_default();
     let is_number = last.last().is_some_and(|byte| b"-+.eE".contains(byte));
     source.is_eof() || is_number && source.column() == last.len()
 }
 
-/// Refuses the truncated log of an exported script. Such a log contains one variable after another,
-/// so that the part that is left is not a shorter flight, but lacks variables.
+/// Returns an error for the truncated log of an exported script. Such a log contains one variable
+/// after another, so the remaining part lacks variables and is not just a shorter flight.
 fn refuse_cut_script(text: &[u8], file: &str, place: &str) -> Result<()> {
     let head = text.trim_ascii_start().strip_prefix(b"{").unwrap_or_default();
     if !head.trim_ascii_start().starts_with(b"\"noctograph\"") {
@@ -109,7 +108,7 @@ fn refuse_cut_script(text: &[u8], file: &str, place: &str) -> Result<()> {
     Err(Error::input(file, cut, "the whole log", hint))
 }
 
-/// Refuses two output formats of pandas' `to_json`.
+/// Returns an error for two output formats of pandas' `to_json` that are not supported.
 fn refuse_pandas(top: &Members<'_>, file: &str) -> Result<()> {
     let is_split = top.contains_key("columns") && top.contains_key("index");
     if !top.contains_key("data") || !(is_split || top.contains_key("schema")) {
@@ -120,8 +119,8 @@ fn refuse_pandas(top: &Members<'_>, file: &str) -> Result<()> {
     Err(Error::input(file, form, "records or columns", hint))
 }
 
-/// Converts all times to seconds. The unit of a clock is determined by its fastest block, because
-/// blocks of events have steps of any length.
+/// Converts all times to seconds. A clock's unit is determined by its fastest block, because blocks
+/// of events have arbitrary steps.
 pub(super) fn resolve_units(log: &mut Recording, in_seconds: bool, wanted: TimeUnit) {
     for clock in [Clock::Drone, Clock::Mocap] {
         let mut blocks = Vec::from_iter(log.blocks.iter_mut().filter(|block| block.clock == clock));
@@ -131,7 +130,7 @@ pub(super) fn resolve_units(log: &mut Recording, in_seconds: bool, wanted: TimeU
         });
         let step = steps.fold(f64::INFINITY, f64::min);
         let unit_s = wanted.seconds().unwrap_or_else(|| unit_s(step, in_seconds));
-        // Dividing by the units per second converts 10 ms to 0.01 s exactly to the last bit.
+        // Dividing by the units per second converts 10 ms to 0.01 s exactly, to the last bit.
         let per_s = if unit_s < 1.0 { (1.0 / unit_s).round() } else { 1.0 / unit_s };
         blocks.iter_mut().flat_map(|block| &mut block.time_s).for_each(|time_s| *time_s /= per_s);
         if wanted.seconds().is_none() && in_seconds && unit_s != 1.0 && step.is_finite() {
@@ -144,9 +143,8 @@ pub(super) fn resolve_units(log: &mut Recording, in_seconds: bool, wanted: TimeU
     }
 }
 
-/// Returns the unit of time, in seconds, that fits a step. Log periods are 10 ms to 2.55 s, so that
-/// larger numbers are milliseconds and numbers below 0.5 are seconds. Otherwise the dialect
-/// decides.
+/// Returns the unit of time, in seconds, that fits a step. Log periods are 10 ms to 2.55 s, so
+/// larger numbers are milliseconds and numbers below 0.5 are seconds. Others depend on the dialect.
 fn unit_s(step: f64, in_seconds: bool) -> f64 {
     match step {
         step if step.is_infinite() && in_seconds => 1.0,
@@ -181,7 +179,7 @@ fn listed(text: &[u8]) -> Option<Vec<u8>> {
 }
 
 /// Replaces Python's NaN and infinities, which are not JSON, with `""` and spaces of the same total
-/// length. Returns the depth of nested lists and objects.
+/// length. Returns the depth to which lists and objects are nested.
 pub(super) fn replace_nan(text: &mut [u8]) -> usize {
     const ODD: [&[u8]; 4] = [b"NaN", b"Infinity", b"-Infinity", b"-NaN"];
     let (mut i, mut in_string, mut depth, mut deepest) = (0, false, 0_usize, 0);
@@ -207,7 +205,7 @@ pub(super) fn replace_nan(text: &mut [u8]) -> usize {
     deepest
 }
 
-/// Truncates a text that ends too early after its last complete member, and closes brackets.
+/// Truncates an incomplete text after its last complete member, and closes the open brackets.
 fn close(text: &mut Vec<u8>) {
     let (mut open, mut cut) = (Vec::new(), (0, Vec::new()));
     let (mut in_string, mut escaped) = (false, false);
@@ -238,21 +236,21 @@ fn close(text: &mut Vec<u8>) {
 /// Members of an object by name, as slices of the text.
 type Members<'a> = BTreeMap<String, &'a RawValue>;
 
-/// Items of a list, or of an object whose names are indices, as pandas writes a column or a table.
+/// Items of a list, or of an object whose names are indices, as pandas writes columns and tables.
 struct List<'a> {
     items: Vec<&'a RawValue>,
     /// Indices in increasing order. Empty if they count from zero.
     indices: Vec<f64>,
 }
 
-/// Numbers in rows, by names of columns, with NaN for missing ones, and the different texts.
+/// Numbers in rows, by column name, with NaN for missing ones, and the different texts.
 #[derive(Default)]
 struct Rows {
     columns: BTreeMap<String, Vec<f64>>,
     texts: BTreeMap<String, Vec<String>>,
 }
 
-/// A value of a table. A missing value is NaN, and only the beginning of a text is kept.
+/// A value in a table. A missing value is NaN, and only the beginning of a text is kept.
 enum Cell {
     Number(f64),
     Text(String),
@@ -278,12 +276,12 @@ struct Reader<'a> {
     budget: &'a Budget,
     log: Recording,
     skipped: Vec<String>,
-    /// True if times are in seconds when their steps do not determine the unit.
+    /// True if times are in seconds unless their steps indicate a different unit.
     in_seconds: bool,
 }
 
 impl<'a> Reader<'a> {
-    /// Reads the outermost value: rows, or an object with variables, blocks and folders.
+    /// Reads the outermost value, which is rows, or an object with variables, blocks and folders.
     fn top(&mut self, value: &'a RawValue) -> Result<()> {
         let file = Place::file(&self.log.file);
         if let Some(list) = self.list(value)? {
@@ -293,7 +291,7 @@ impl<'a> Reader<'a> {
         } else if is_object(value) {
             return self.object("", value);
         }
-        // The value is neither, so that the error names the most similar format.
+        // Since the value is neither, the error names the most similar format.
         if value.get()[1..].trim_start().starts_with('[') {
             let hint = "write it as CSV, with a header such as t,x,y,z";
             return Err(Error::input(file, "lists without names", "objects with names", hint));
@@ -312,7 +310,7 @@ impl<'a> Reader<'a> {
         } else if let (Some(time), Some(data)) = (members.get("time"), members.get("data")) {
             return self.variable(name, time, data);
         }
-        // Metadata has a known name and no times. Other objects may contain columns.
+        // Metadata have a known name and no times. Other objects may contain columns.
         let is_about = is_metadata(name) && !members.contains_key("time");
         let folder = if name == "drone" { "" } else { name };
         if !is_about {
@@ -349,7 +347,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Turns a folder's lists into columns if one contains times. Other members remain.
+    /// Converts a folder's lists to columns if one of them contains times. Other members remain.
     fn columns(&mut self, folder: &str, members: &mut Members<'a>) -> Result<()> {
         let (mut titles, mut stamps) = (Vec::new(), Vec::new());
         for (title, value) in &*members {
@@ -361,7 +359,7 @@ impl<'a> Reader<'a> {
             self.budget.free(left - self.budget.bytes_left());
         }
         self.budget.steps(TITLE_STEPS * titles.len())?;
-        // Without a list of times, pandas' indices are the times, unless they count from zero.
+        // Without a list of times, pandas' indices serve as times, unless they count from zero.
         let (time, mut time_s) = match time_of(titles.iter()) {
             Some(time) => (time.clone(), self.numbers(&self.joined(folder, time)?, members[time])?),
             None if stamps.is_empty() || members.keys().any(|key| is_time(key)) => return Ok(()),
@@ -380,7 +378,7 @@ impl<'a> Reader<'a> {
         self.table(folder, (&time, time_s), columns)
     }
 
-    /// Refuses a list that contains the names of several drones.
+    /// Returns an error for a list that contains the names of several drones.
     fn check_owners(&self, title: &str, value: &'a RawValue) -> Result<()> {
         let items = self.list(value)?.map_or(Vec::new(), |list| list.items);
         let mut texts = Vec::new();
@@ -390,8 +388,8 @@ impl<'a> Reader<'a> {
         rows::check_owners(title, &texts, &self.log.file)
     }
 
-    /// Adds the columns of a list of objects that have times. Returns false for other lists. Rows
-    /// without a time are dropped, and missing cells are NaN.
+    /// Adds the columns of a list of objects with times. Returns false for other lists. Rows
+    /// without a time are dropped, and missing cells become NaN.
     fn rows(&mut self, name: &str, List { items, indices }: List<'a>) -> Result<bool> {
         let (n, others) = (items.len(), items.iter().filter(|item| !is_object(item)).count());
         let mut rows = Rows::default();
@@ -411,7 +409,7 @@ impl<'a> Reader<'a> {
             let mut timed = times.iter().map(|time| !time.is_nan());
             values.retain(|_| timed.next().expect("a time for each"));
         }
-        // Different texts are the names in a table in long form, or those of several drones.
+        // Different texts are the names in a long-form table, or those of several drones.
         let mut different = texts.iter().filter(|(_, texts)| texts.len() > 1).peekable();
         if let (1, Some(value), Some((names, _))) =
             (columns.len(), columns.keys().next(), different.peek())
@@ -431,7 +429,7 @@ impl<'a> Reader<'a> {
         Ok(true)
     }
 
-    /// Adds the numbers of an object and of nested objects to row `row`, under names joined by
+    /// Adds the numbers of an object and its nested objects to row `row`, under names joined by
     /// dots. The name of an object `data` is omitted.
     fn row(&self, value: &'a RawValue, prefix: &str, row: usize, rows: &mut Rows) -> Result<()> {
         let left = self.budget.bytes_left();
@@ -460,7 +458,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Adds columns of equal length as a block. Without a folder, names may be those of plain CSV.
+    /// Adds columns of equal length as a block. Outside a folder, names may be those of plain CSV.
     fn table(
         &mut self,
         folder: &str,
@@ -469,7 +467,7 @@ impl<'a> Reader<'a> {
     ) -> Result<()> {
         let unit_s = titles::meaning(time).1.unwrap_or(1.0);
         time_s.iter_mut().for_each(|stamp| *stamp *= unit_s);
-        // The fraction of whole seconds may be in another column.
+        // A separate column may contain the fraction of the whole seconds.
         let part = titled.iter().enumerate().find_map(|(place, (title, values))| {
             let (_, size_s) =
                 rows::whole_seconds_title(title).filter(|(whole, _)| *whole == simplified(time))?;
@@ -493,7 +491,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Adds a block whose columns are at most as long as its times.
+    /// Adds a block whose columns are not longer than its times.
     fn add(&mut self, mut block: Block) {
         for column in &mut block.columns {
             column.values.truncate(block.time_s.len());
@@ -501,7 +499,7 @@ impl<'a> Reader<'a> {
         self.log.blocks.push(block);
     }
 
-    /// Truncates times and values of different lengths to the shorter length, with a warning.
+    /// Truncates times and values to the shorter of their lengths, with a warning.
     fn cut_to_shorter(&mut self, name: &str, time_s: &mut Vec<f64>, values: &mut Vec<f64>) {
         let (n_time, n_data) = (time_s.len(), values.len());
         if n_time != n_data {
@@ -517,7 +515,7 @@ impl<'a> Reader<'a> {
     /// Returns the numbers of a list. Any other value is an error.
     fn numbers(&self, name: &str, value: &'a RawValue) -> Result<Vec<f64>> {
         const WANTED: &str = "a list of numbers";
-        // Only the numbers stay in memory, so that the budget for the slices is freed.
+        // Only the numbers remain in memory, so the budget for the slices is released.
         let left = self.budget.bytes_left();
         let Some(List { items, .. }) = self.list(value)? else {
             let error = Error::input(name, self.cell(value)?, WANTED, HINT);
@@ -545,12 +543,12 @@ impl<'a> Reader<'a> {
         Ok(if prefix.is_empty() { key.to_owned() } else { format!("{prefix}.{key}") })
     }
 
-    /// Returns a list given by brackets or by indices, or `None` for other values.
+    /// Returns a list given by brackets or by indices, or `None` for any other value.
     fn list(&self, value: &'a RawValue) -> Result<Option<List<'a>>> {
         if value.get().starts_with('[') {
             return Ok(Some(List { items: self.items(value)?, indices: Vec::new() }));
         }
-        // An index begins with a digit or a sign. All names in an object with indices are indices.
+        // An index begins with a digit or a sign. In an object with indices, all names are indices.
         let name = value.get()[1..].trim_start().strip_prefix('"').unwrap_or_default();
         if !is_object(value) || !name.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c))
         {
@@ -579,7 +577,7 @@ impl<'a> Reader<'a> {
         self.split(value, ITEM_BYTES)
     }
 
-    /// Splits an object or a list. Each part takes `bytes` from the budget.
+    /// Splits an object or a list. Each part is charged `bytes` of the budget.
     fn split<T: serde::Deserialize<'a>>(&self, value: &'a RawValue, bytes: usize) -> Result<T> {
         // The budget is checked first, because a text full of commas would exhaust the memory.
         let text = value.get();
@@ -588,7 +586,7 @@ impl<'a> Reader<'a> {
         serde_json::from_str(text).ok().ok_or_else(|| self.broken(value))
     }
 
-    /// Parses a number or a text. For lists and objects, only their kind is returned.
+    /// Parses a number or a text. Only the kind of a list or object is returned.
     fn cell(&self, value: &RawValue) -> Result<Cell> {
         self.budget.steps(VALUE_STEPS)?;
         let text = value.get();
@@ -601,7 +599,7 @@ impl<'a> Reader<'a> {
             b'"' => {
                 let text: String =
                     serde_json::from_str(text).ok().ok_or_else(|| self.broken(value))?;
-                // A time of day without a date contains a colon, unlike a number in quotes.
+                // Unlike a number in quotes, a time of day without a date contains a colon.
                 match seconds_from_date(&text).filter(|_| text.contains(':')) {
                     _ if text.is_empty() => Cell::Number(f64::NAN),
                     Some(stamp_s) => Cell::Number(stamp_s),
@@ -612,7 +610,7 @@ impl<'a> Reader<'a> {
         })
     }
 
-    /// Returns the error for a number out of range or a text with a broken escape.
+    /// Returns the error for a number out of range, or for a text with an invalid escape.
     fn broken(&self, value: &RawValue) -> Error {
         let start = value.get().as_ptr() as usize - self.text.as_ptr() as usize;
         let line = self.text[..start].matches('\n').count() + 1;
@@ -621,8 +619,8 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// Adds a variable to the last block if their times are equal, so that variables from one radio
-/// block form one block again. Otherwise it gets a new block.
+/// Adds a variable to the last block if their times are equal, so that the variables of a radio
+/// block form one block again. Otherwise creates a new block.
 pub(super) fn add_variable(
     blocks: &mut Vec<Block>,
     name: &str,
@@ -648,7 +646,7 @@ fn note_text(texts: &mut Vec<String>, cell: &Cell) {
     }
 }
 
-/// Returns an upper bound for the parts of an object or list: commas directly in its brackets.
+/// Returns an upper bound for the number of parts of an object or list, from its outermost commas.
 fn n_parts(text: &str) -> usize {
     let (mut depth, mut n, mut bytes) = (0, 1, text.bytes());
     while let Some(byte) = bytes.next() {
@@ -656,7 +654,7 @@ fn n_parts(text: &str) -> usize {
             b'{' | b'[' => depth += 1,
             b'}' | b']' => depth -= 1,
             b',' if depth == 1 => n += 1,
-            // A text ends at a quotation mark that has no backslash before it.
+            // A text ends at a quotation mark that is not preceded by a backslash.
             b'"' => {
                 while let Some(byte) = bytes.next().filter(|byte| *byte != b'"') {
                     if byte == b'\\' {
@@ -680,19 +678,19 @@ fn index(name: &str) -> Option<f64> {
     name.parse().ok().filter(|index: &f64| index.is_finite()).or_else(|| seconds_from_date(name))
 }
 
-/// Returns true if the title is that of a column of times.
+/// Returns true for the title of a column of times.
 fn is_time(title: &str) -> bool {
     titles::meaning(title).0 == "t"
 }
 
-/// Returns the title of the column of times, if there is one. Whole seconds come before fractions.
+/// Returns the title of the column of times, if any. Whole seconds precede fractions.
 fn time_of<'t>(titles: impl Iterator<Item = &'t String>) -> Option<&'t String> {
     titles
         .filter(|title| is_time(title))
         .min_by_key(|title| rows::whole_seconds_title(title).is_some())
 }
 
-/// Returns true for metadata of the course's client or of an exported script, which is not read.
+/// Returns true for metadata of the course's client or of an exported script, which are not read.
 fn is_metadata(name: &str) -> bool {
     const NAMES: &str = "noctograph firmware start_time end_time uri address drone_id word scene \
                          plan date program version metadata";
@@ -792,7 +790,7 @@ mod tests {
         }
     }
 
-    /// Returns a number inside nested objects, each under a long name.
+    /// Returns a number inside nested objects, each with a long name.
     fn nested(depth: usize, name: &str, number: &str) -> String {
         format!("{{\"{name}\":").repeat(depth) + number + &"}".repeat(depth)
     }

@@ -3,29 +3,30 @@
 //! File in: logs of exported scripts, JSON of the AE483 course (three dialects), CSV of cfclient (a
 //! file, or a folder with one file per block), µSD binary (versions 1 and 2), plain tables (t, x,
 //! y, z …), range CSV, a flight file of this program, or the folder of gym-pybullet-drones. Tables
-//! may be those of Motive, Vicon, rosbag, `PlotJuggler`, `EuRoC`, TUM and PX4. Product out:
+//! may come from Motive, Vicon, rosbag, `PlotJuggler`, `EuRoC`, TUM or PX4. Product out:
 //! [`Flight`].
 //!
-//! Method: the format is recognized from the contents (`format`), and its reader makes a recording,
-//! which consists of blocks of named columns, each with its time axis. `flight` then turns the
-//! recording into a flight in steps, whose order is explained there. `sources` contains all
-//! conversions of variables.
+//! Method: the format is recognized from the contents (`format`), and the reader for that format
+//! creates a recording, which consists of blocks of named columns, each with a time axis. `flight`
+//! then converts the recording to a flight in several steps, whose order is explained there.
+//! `sources` contains all conversions of variables.
 //!
 //! - **Truth** of position and attitude: motion capture, then the custom observer, then the
 //!   firmware's estimator, then raw Lighthouse fixes, or a chosen [`PositionSource`]. For any
 //!   quantity, a source that diverged, or is frozen while others change, is skipped with a warning.
 //!   `estimate_m` comes from the custom observer, or else from the firmware.
-//! - **Time axis**: [`ImportOptions::sample_rate_hz`] over the time in which position and attitude
-//!   are known, interpolated linearly. Longer gaps have no samples and are listed in `gaps`. Other
-//!   measured quantities are held over gaps in their log, with a warning. Setpoints, motor commands
-//!   and unknown columns are always held.
+//! - **Time axis**: [`ImportOptions::sample_rate_hz`] over the time for which position and attitude
+//!   are known, with linear interpolation. Longer gaps have no samples and are listed in `gaps`.
+//!   Other measured quantities are held over gaps in their log, with a warning. Setpoints, motor
+//!   commands and unknown columns are always held.
 //! - **Unknown columns** are kept in the flight's `extra`, in the log's units, with a warning.
 //! - None of these logs contains letters or lights, except for columns `light.<channel>` of CSV.
 //! - A flight file of this program is read unchanged, except with [`PositionSource::Estimate`].
-//! - **Guesses** (unit of times and angles, axes, frame of a motion capture system) are warnings
-//!   with their reason, can be overridden by [`ImportOptions`], and are errors if two of them fit.
+//! - **Guesses** (unit of times and angles, axes, frame of a motion capture system) are reported as
+//!   warnings with the reason, and can be overridden by [`ImportOptions`]. If two alternatives fit,
+//!   there is an error.
 //!
-//! Not done: positions from ranges, more than one drone in a file, and rotations of Vicon.
+//! Not done: positions from ranges, more than one drone in a file, and Vicon rotations.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
@@ -73,7 +74,7 @@ pub use gathered::{GatheredLog, is_one_log, logs_in, scene_in, word_in};
 use recording::Recording;
 pub use script_lines::GrowingLog;
 
-/// Maximum size of a log: ten minutes of 200 columns at 100 Hz.
+/// Maximum size of a log, enough for ten minutes of 200 columns at 100 Hz.
 const LIMIT: Limit = Limit { bytes: 128 << 20, what: "a log", hint: HINT };
 
 /// Advice for a log that is too large.
@@ -191,31 +192,31 @@ settings! {
     }
 }
 
-/// Imports the log of a real flight: a file, a folder with cfclient's files of one connection, or a
-/// folder of gym-pybullet-drones with a file for each variable.
+/// Imports the log of a real flight: a file, a folder with the cfclient files of one connection, or
+/// a folder of gym-pybullet-drones with one file per variable.
 ///
 /// # Errors
 ///
-/// Returns [`Error::Io`] if the log cannot be read. Returns [`Error::Input`] with line or byte if
-/// it is broken, for unknown formats and columns, and for options out of range.
+/// Returns [`Error::Io`] if the log cannot be read. Returns [`Error::Input`] with the line or byte
+/// of an error in the log, for unknown formats and columns, and for options out of range.
 pub fn import(path: &Path, options: &ImportOptions) -> Result<Flight> {
     Ok(import_on_clock(path, options)?.flight)
 }
 
-/// A flight together with the zero of its log's clock.
+/// A flight, and the zero of its log's clock.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OnClock {
-    /// Imported flight. The times of the flight begin at zero, or are those of a flight file.
+    /// Imported flight. Its times begin at zero, unless it was read from a flight file.
     pub flight: Flight,
     /// Log time that became zero, s, if other logs may use the same clock: a date, a time of day,
-    /// or times in a plain CSV file. `None` for an imported log, and for the firmware's counter
-    /// since the drone was switched on.
+    /// or times in a plain CSV file. `None` for an imported log, and for times counted by the
+    /// firmware since the drone was switched on.
     pub zero_stamp_s: Option<f64>,
-    /// Name of the drone's firmware, if the log contains it.
+    /// Name of the drone's firmware, if the log states it.
     pub firmware: Option<String>,
 }
 
-/// Imports a log like [`import`], and keeps the zero of its clock.
+/// Imports a log as [`import`] does, and keeps the zero of its clock.
 ///
 /// # Errors
 ///
@@ -228,7 +229,7 @@ pub fn import_on_clock(path: &Path, options: &ImportOptions) -> Result<OnClock> 
     }
     let budget = Budget::new(&file, HINT);
     let job = Job { file: &file, options, budget: &budget };
-    // A folder is identified by the names of its files.
+    // A folder is recognized by its file names.
     let recording = match bullet_folder::variables(path)? {
         Some(variables) => bullet_folder::read(&variables, job)?,
         None => cfclient_csv::read_folder(path, job)?,
@@ -236,7 +237,7 @@ pub fn import_on_clock(path: &Path, options: &ImportOptions) -> Result<OnClock> 
     flight(recording, job)
 }
 
-/// Reads the bytes of a log's file. A file of more than 128 MiB is an error.
+/// Reads the bytes of a log file. A file of more than 128 MiB is an error.
 pub fn read(path: &Path) -> Result<Vec<u8>> {
     LIMIT.read(path)
 }
@@ -247,13 +248,13 @@ pub fn import_bytes(bytes: &[u8], file: &str, options: &ImportOptions) -> Result
     Ok(on_clock(bytes, file, options)?.flight)
 }
 
-/// Recognizes the format of a log, and reads it with the reader for that format.
+/// Recognizes the format of a log, and reads it with the corresponding reader.
 fn on_clock(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock> {
     let budget = Budget::new(file, HINT);
     let job = Job { file, options, budget: &budget };
     let format = Format::recognized(bytes, file)?;
     budget.bytes(bytes.len())?;
-    // A flight file skips all steps that recordings need.
+    // A flight file skips all of the steps that recordings require.
     let recording = match format {
         Format::Card => usd::read(bytes, job)?,
         Format::Json(text) if script_lines::is_lines(&text.bytes) => {
@@ -287,7 +288,7 @@ fn use_estimate(flight: &mut Flight) {
     });
 }
 
-/// Inputs of a reader besides the bytes: the log's name in messages, options, work budget.
+/// Inputs of a reader besides the bytes: the file name to show in messages, options, work budget.
 #[derive(Clone, Copy)]
 struct Job<'a> {
     file: &'a str,
@@ -295,20 +296,20 @@ struct Job<'a> {
     budget: &'a Budget,
 }
 
-/// Converts a recording to a flight. Each step needs the steps before it.
+/// Converts a recording to a flight. Each step depends on the previous steps.
 fn flight(recording: Recording, Job { options, budget, .. }: Job<'_>) -> Result<OnClock> {
     recording.check(budget)?;
     // From here on, columns are looked up by name.
     let mut recording = recording.with_different_names();
     recording.warnings.extend(firmware::doubt(&recording, options.firmware));
-    // The next steps compare neighbors, and need increasing times in true seconds.
+    // The next steps compare neighboring samples, and require increasing times in true seconds.
     let recording = clock::repaired(recording, options)?;
-    // Values that lost a carry look like jumps to the steps that follow.
+    // To the subsequent steps, values that lost a carry would look like jumps.
     let recording = half_precision::restored(recording);
-    // The motion capture is compared with the drone's path in one frame with z up.
+    // The motion capture is compared with the drone's path in a common frame with z up.
     let recording = frames::with_z_up(recording, options)?;
     let mut recording = mocap::aligned(recording);
-    // Blocks that were removed need no warning.
+    // Blocks that were removed do not cause a warning.
     recording.warn_of_empty_cells();
     // Variables become quantities, and all quantities become samples on one time axis.
     mapper::flight(recording, options, budget)
@@ -326,7 +327,7 @@ fn unknown(file: &str, content: impl std::fmt::Display) -> Error {
 }
 
 impl TimeUnit {
-    /// Returns the unit in seconds, or `None` if it is to be inferred.
+    /// Returns the unit in seconds, or `None` if it has to be inferred.
     fn seconds(self) -> Option<f64> {
         match self {
             Self::Auto => None,

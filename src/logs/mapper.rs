@@ -1,4 +1,4 @@
-//! Converts a recording to a flight with one time axis. Gaps are listed, and other columns kept.
+//! Converts a recording to a flight with one time axis. Gaps are listed, and unused columns kept.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -16,7 +16,7 @@ use noctograph_core::input_error;
 use noctograph_core::lamps::HEADLIGHTS;
 use noctograph_core::product::MAX_QUANTITY;
 
-/// Work budget in steps for finding a channel's value at a time.
+/// Work budget in steps for looking up a channel's value at one time.
 const STEPS: usize = 50;
 
 /// Converts a recording with repaired times to a flight.
@@ -64,7 +64,7 @@ pub(super) fn flight(
     Ok(OnClock { flight, zero_stamp_s, firmware: recording.firmware })
 }
 
-/// Refuses a log without any quantity, or without the position of the requested source.
+/// Returns an error for a log without any quantity, or without the requested position.
 fn check_quantities(
     recording: &Recording,
     quantities: &Quantities,
@@ -74,7 +74,7 @@ fn check_quantities(
     {
         return Err(nothing_known(recording));
     }
-    // Ranges are sufficient, unless a position was requested.
+    // Ranges are sufficient, unless a specific position source was requested.
     if quantities.channels.contains_key(&Quantity::Position) || wanted == PositionSource::Best {
         return Ok(());
     }
@@ -86,7 +86,7 @@ fn check_quantities(
     ))
 }
 
-/// Returns a warning with the names of unknown columns that no quantity uses.
+/// Returns a warning that lists unknown columns that no quantity uses.
 fn warn_of_unknown(recording: &Recording, quantities: &Quantities) -> Option<Diagnostic> {
     let columns = recording.blocks.iter().flat_map(|block| &block.columns);
     let unused = columns.filter(|column| !quantities.used.contains(&column.name));
@@ -95,7 +95,7 @@ fn warn_of_unknown(recording: &Recording, quantities: &Quantities) -> Option<Dia
     (!names.is_empty()).then(|| Diagnostic::warning("columns-unknown", text))
 }
 
-/// Returns the error for a log without a usable quantity, with the names of its columns.
+/// Returns the error for a log without a usable quantity, which lists the log's columns.
 fn nothing_known(recording: &Recording) -> Error {
     let names: Vec<&str> = recording.names().collect();
     let columns = if names.is_empty() {
@@ -118,13 +118,13 @@ fn nothing_known(recording: &Recording) -> Error {
 struct Axis {
     /// Times of the samples on the recording's clock.
     stamps_s: Vec<f64>,
-    /// Time of the recording that becomes zero.
+    /// Recording time that becomes zero.
     zero_s: f64,
     gaps: Vec<[f64; 2]>,
 }
 
 impl Axis {
-    /// Converts a time of the recording to a time of the flight.
+    /// Converts a recording time to a flight time.
     fn time_s(&self, stamp_s: f64) -> f64 {
         on_grid(stamp_s - self.zero_s)
     }
@@ -138,8 +138,8 @@ struct Mapper<'a> {
 }
 
 impl Mapper<'_> {
-    /// Returns a grid at the sample rate over the time that position and attitude both cover,
-    /// without gaps. If there is no pose, returns the times of the longest block.
+    /// Returns a grid at the sample rate over the time covered by both position and attitude,
+    /// without gaps. Without a pose, returns the times of the longest block.
     fn axis(&self, budget: &Budget) -> Result<Axis> {
         let Self { recording, quantities, options } = self;
         let pose = [Quantity::Position, Quantity::Attitude].into_iter().flat_map(|quantity| {
@@ -154,7 +154,7 @@ impl Mapper<'_> {
             check_span(recording, stamps_s.last().copied().unwrap_or(0.0) - zero_s)?;
             return Ok(Axis { stamps_s, zero_s, gaps: Vec::new() });
         }
-        // The motion capture may start before the drone's log and end after it.
+        // The motion capture may start earlier and end later than the drone's log.
         let drone = recording.blocks.iter().filter(|block| block.clock == Clock::Drone);
         let first_s = drone.clone().map(|block| block.time_s[0]).fold(f64::INFINITY, f64::min);
         let last_s = drone.map(|block| block.time_s[block.time_s.len() - 1]);
@@ -172,7 +172,7 @@ impl Mapper<'_> {
         #[expect(clippy::cast_possible_truncation, reason = "an hour at a kilohertz is below 4e6")]
         let last_step = last_step as u32;
         budget.steps(STEPS * last_step as usize * pose.len())?;
-        // Steps in gaps are dropped. Rounding may put the last step beyond the end.
+        // Grid times in gaps are dropped. Rounding may put the last one beyond the end.
         let steps = (0..=last_step)
             .map(|step| (step, (start_s + f64::from(step) / options.sample_rate_hz).min(end_s)))
             .filter(|(_, stamp_s)| {
@@ -186,19 +186,19 @@ impl Mapper<'_> {
         Ok(axis)
     }
 
-    /// Interpolates a measured value. Returns `None` in gaps longer than the setting, or longer
-    /// than two and a half periods of a slower log.
+    /// Interpolates a measured value. Returns `None` in gaps that exceed both the setting and two
+    /// and a half periods of a slower log.
     fn interpolated(&self, (quantity, channel): (Quantity, &Channel), stamp_s: f64) -> Option<f64> {
         let factor = if quantity == Quantity::Attitude { ATTITUDE_GAPS } else { 1.0 };
         let gap_s = self.options.max_gap_s.max(2.5 * channel.period_s.min(SLOWEST_PERIOD_S));
         channel.linear(stamp_s, factor * gap_s)
     }
 
-    /// Returns the sample at a time, given on the recording's clock and on the flight's clock.
+    /// Returns the sample at a time, given on both the recording's and the flight's clock.
     fn sample(&self, stamp_s: f64, time_s: f64) -> FlightSample {
         let mut numbers = FlightSample::default().numbers();
         for (&quantity, channels) in &self.quantities.channels {
-            // Setpoints and commands are held until the next one.
+            // Setpoints and commands are held until the next value.
             let is_held = matches!(quantity, Quantity::Design | Quantity::Motors);
             for (cell, channel) in numbers[quantity.places()].iter_mut().zip(channels) {
                 let interpolated =
@@ -217,7 +217,7 @@ impl Mapper<'_> {
         FlightSample { time_s, ..FlightSample::from_numbers(sample.numbers().map(on_grid)) }
     }
 
-    /// Returns warnings about measured quantities, other than the pose, that are held over gaps.
+    /// Returns warnings about measured quantities, except the pose, that are held over gaps.
     fn warn_of_held_values(&self, stamps_s: &[f64]) -> Vec<Diagnostic> {
         let mut warnings = Vec::new();
         for quantity in [Quantity::Velocity, Quantity::Rate, Quantity::Estimate] {
@@ -254,7 +254,7 @@ impl Mapper<'_> {
     }
 }
 
-/// Refuses a log that is longer than [`MAX_DURATION_S`].
+/// Returns an error for a log longer than [`MAX_DURATION_S`].
 fn check_span(recording: &Recording, span_s: f64) -> Result<()> {
     if span_s <= MAX_DURATION_S {
         return Ok(());
@@ -264,13 +264,13 @@ fn check_span(recording: &Recording, span_s: f64) -> Result<()> {
     Err(input_error!(place, "{span_s:.0} s of log", "{wanted}", "{MILLISECONDS_HINT}"))
 }
 
-/// Refuses samples with a number beyond [`MAX_QUANTITY`].
+/// Returns an error if a sample contains a number beyond [`MAX_QUANTITY`].
 fn check_numbers(file: &str, samples: &[FlightSample]) -> Result<()> {
     for sample in samples {
         let numbers = sample.numbers();
         for (quantity, _, names) in Quantity::TABLE {
             for (name, value) in names.iter().zip(&numbers[quantity.places()]) {
-                // The test for NaN refuses missing numbers as well.
+                // The test for NaN also rejects missing numbers.
                 if value.is_nan() || value.abs() > MAX_QUANTITY {
                     let error = input_error!(
                         format!("{name} at {:.3} s of the flight", sample.time_s),
@@ -286,7 +286,7 @@ fn check_numbers(file: &str, samples: &[FlightSample]) -> Result<()> {
     Ok(())
 }
 
-/// Returns a warning that names columns of a quantity whose other columns are missing.
+/// Returns a warning that lists columns of a quantity whose other columns are missing.
 fn warn_of_incomplete(extra: &BTreeMap<String, Vec<f64>>) -> Option<Diagnostic> {
     let kept = extra.keys().filter_map(|name| name.strip_prefix("log."));
     let incomplete =
@@ -297,8 +297,8 @@ fn warn_of_incomplete(extra: &BTreeMap<String, Vec<f64>>) -> Option<Diagnostic> 
     Some(Diagnostic::warning("quantity-in-part", text))
 }
 
-/// Ratio of the maximum interpolated gap of the attitude to that of the position, which makes 1 s
-/// by default. A tilt of 0.1 rad moves a lamp 5 cm from the body's center by only 5 mm.
+/// Ratio of the maximum interpolated gap in attitude to that in position, which is 1 s by default.
+/// A tilt of 0.1 rad displaces a lamp 5 cm from the body's center by only 5 mm.
 const ATTITUDE_GAPS: f64 = 4.0;
 
 /// Returns a warning that lists the gaps, if there are any.
@@ -314,7 +314,7 @@ fn warn_of_gaps(gaps: &[[f64; 2]]) -> Option<Diagnostic> {
     Some(Diagnostic::warning("gaps", text))
 }
 
-/// Maximum plausible coordinate, beyond which the unit is probably wrong.
+/// Largest plausible coordinate. Beyond it, the unit is probably wrong.
 const FARTHEST_M: f64 = 100.0;
 
 /// Returns a warning if a position is beyond [`FARTHEST_M`].
@@ -334,7 +334,7 @@ fn wrapped_angle(angle_rad: f64) -> f64 {
 }
 
 /// Removes the columns `light.<channel>` with levels from 0 to 1 from the extra columns, and
-/// returns them by channel. A column `light` is that of the headlights.
+/// returns them by channel. A column named `light` stands for the headlights.
 fn lights(extra: &mut BTreeMap<String, Vec<f64>>) -> BTreeMap<String, Vec<f64>> {
     let mut lights = BTreeMap::new();
     let are_named = extra.contains_key("log.light.headlights");
@@ -352,7 +352,7 @@ fn lights(extra: &mut BTreeMap<String, Vec<f64>>) -> BTreeMap<String, Vec<f64>> 
 }
 
 /// Returns the name of an extra column in a flight file: the logged name without characters that a
-/// CSV header cannot contain, and different from standard columns.
+/// CSV header cannot contain, and distinct from standard columns.
 fn extra_name(name: &str) -> String {
     let plain = name.trim().replace(
         |c: char| matches!(c, ',' | '"' | '#') || c.is_control() || c.is_whitespace(),

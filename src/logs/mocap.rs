@@ -1,12 +1,12 @@
-//! Aligns clock and frame of a motion capture system with the drone's, by the path in both logs.
+//! Aligns a motion capture system's clock and frame with the drone's, by the path in both logs.
 //!
-//! The clocks of the computer and the drone have different zeros. The drone logs the positions that
-//! the motion capture system sent (`ae483log.p_x_mocap` …) or its own estimates. The time shift
-//! with the least misfit between the two paths is used.
+//! The clocks of the computer and the drone start at different zeros. The drone logs the positions
+//! that the motion capture system sent (`ae483log.p_x_mocap` …) or its own estimates. The time
+//! shift with the least misfit between the two paths is used.
 //!
-//! The frame of the motion capture system may be rotated about the vertical, shifted, or have y up.
-//! The frame is registered to the drone's frame by the best rigid transform, provided that the
-//! residual is at most some centimeters. Otherwise the columns of the system are dropped.
+//! The frame of the motion capture system may be rotated about the vertical axis, shifted, or have
+//! y up. It is registered to the drone's frame by the best rigid transform, provided that the
+//! residual is at most a few centimeters. Otherwise the system's columns are dropped.
 
 use nalgebra::{Rotation3, Vector3};
 
@@ -20,16 +20,16 @@ use noctograph_core::geometry::turned;
 /// Number of times at which the two paths are compared.
 const N_STAMPS: u32 = 200;
 
-/// Step of the coarse search, in which the drone moves 1 cm at 0.2 m/s.
+/// Time step of the coarse search, in which the drone moves 1 cm at 0.2 m/s.
 const COARSE_S: f64 = 0.05;
 
-/// Maximum number of steps in the coarse search. Longer logs are searched with longer steps.
+/// Maximum number of steps in the coarse search. For longer logs the step is increased.
 const MAX_STEPS: f64 = 8000.0;
 
 /// Maximum unexplained fraction of the path's variance.
 const WORST_MISFIT: f64 = 0.2;
 
-/// Maximum gap in the motion capture that is interpolated.
+/// Maximum gap in the motion capture over which it is interpolated.
 const MAX_GAP_S: f64 = 0.25;
 
 /// Converts the blocks of the motion capture system to the drone's clock and frame, or removes them
@@ -43,7 +43,8 @@ pub(super) fn aligned(mut log: Recording) -> Recording {
         .or_else(|| position(&log, PositionSource::Firmware))
         .or_else(|| position(&log, PositionSource::Custom));
     let shift = moving_channels(&log, "mocap.{x y z}").zip(path).and_then(|(mocap, path)| {
-        // The strictest assumption comes first: the same frame, a rotated one, one with y up.
+        // The assumptions, strictest first, are: the same frame, a rotated frame, and one with y
+        // up.
         let mut search = Search { mocap, path, may_rotate: false };
         for may_rotate in [false, true] {
             search.may_rotate = may_rotate;
@@ -80,7 +81,7 @@ pub(super) fn aligned(mut log: Recording) -> Recording {
     log
 }
 
-/// Returns the channels of a pattern, or `None` if none of them changes.
+/// Returns the channels of a pattern, or `None` if none of them varies.
 fn moving_channels(recording: &Recording, pattern: &str) -> Option<Vec<Channel>> {
     let channels = recording.channels(pattern)?;
     let moves = channels.iter().any(|c| c.values.iter().any(|v| *v != c.values[0]));
@@ -90,26 +91,26 @@ fn moving_channels(recording: &Recording, pattern: &str) -> Option<Vec<Channel>>
 /// Registration of the motion capture system to the drone's clock and frame.
 #[derive(Debug)]
 struct Shift {
-    /// The clocks are related by `drone = pivot_drone + ratio · (mocap − pivot_mocap)`.
+    /// Fixed point of `drone = pivot_drone + ratio · (mocap − pivot_mocap)`, on both clocks.
     pivot_drone_s: f64,
     pivot_mocap_s: f64,
     ratio: f64,
-    /// Mean of the drone's path minus that of the motion capture system, on each axis.
+    /// Mean of the drone's path minus that of the motion capture, on each axis.
     frame_offset_m: Vector3<f64>,
     /// Transform from the motion capture system's frame to the drone's.
     transform_fit: Fit,
 }
 
-/// Maximum differences within one frame, which may be errors of an estimator, or a marker that is
+/// Maximum difference within a common frame. It may be an estimator's error, or a marker that is
 /// not at the center of the body.
 const SAME_M: f64 = 0.15;
 const SAME_RAD: f64 = 0.09;
 
-/// Maximum residual of a transform between two logs of one path.
+/// Maximum residual after a transform between two logs of the same path.
 const MAX_RESIDUAL_M: f64 = 0.1;
 
 impl Shift {
-    /// Returns true if the motion capture system's frame is not the drone's.
+    /// Returns true if the frames of the motion capture system and the drone differ.
     fn has_other_frame(&self) -> bool {
         self.frame_offset_m.amax() > SAME_M || self.transform_fit.rotation_rad.abs() > SAME_RAD
     }
@@ -122,7 +123,7 @@ impl Shift {
         let [Some(x), Some(y), Some(z)] = columns else { return };
         for i in 0..block.time_s.len() {
             let [x_m, y_m, z_m] = [x, y, z].map(|column| block.columns[column].values[i]);
-            // The axes are changed as in the search, and then the transform of the fit is applied.
+            // The axes are exchanged as in the search, and then the fitted transform is applied.
             let captured_m = if y_up { [x_m, -z_m, y_m] } else { [x_m, y_m, z_m] };
             let placed_m = turned(&captured_m.into(), rotation_rad) + translation_m;
             for (column, value) in [x, y, z].into_iter().zip(&placed_m) {
@@ -134,15 +135,15 @@ impl Shift {
         }
     }
 
-    /// Converts a time of the motion capture system to the drone's clock.
+    /// Converts a time on the motion capture system's clock to the drone's clock.
     fn drone_s(&self, mocap_s: f64) -> f64 {
         self.pivot_drone_s + self.ratio * (mocap_s - self.pivot_mocap_s)
     }
 
-    /// Returns warnings about another clock rate, another frame, or an offset.
+    /// Returns warnings about a different clock rate, a different frame, or an offset.
     fn warnings(&self, y_up: bool) -> Vec<Diagnostic> {
         let mut warnings = Vec::new();
-        // A difference below 0.3 % is noise of the fit.
+        // A rate difference below 0.3 % is attributed to noise of the fit.
         if (self.ratio - 1.0).abs() > 0.003 {
             let is_slow = (self.ratio - SLOW_CLOCK).abs() < 0.002;
             let (ratio, firmware) = if is_slow {
@@ -201,7 +202,7 @@ struct Search {
     may_rotate: bool,
 }
 
-/// Best fit of the motion capture system's path to the drone's at one time shift.
+/// Best fit of the motion capture's path to the drone's at one time shift.
 #[derive(Clone, Copy, Debug, Default)]
 struct Fit {
     misfit: f64,
@@ -213,15 +214,14 @@ struct Fit {
 }
 
 impl Search {
-    /// Finds the time shift, the ratio of the clock rates, and the transform. Returns `None` if the
-    /// paths do not match.
+    /// Finds time shift, ratio of clock rates, and transform, or `None` if the paths do not match.
     fn shift(&self) -> Option<Shift> {
         let (mocap_start_s, mocap_end_s) = span(&self.mocap);
         let (start_s, end_s) = span(&self.path);
         let (stamps, lasts_s) = (stamps(start_s, end_s), end_s - start_s);
         let (low_s, high_s) = (start_s - mocap_end_s, end_s - mocap_start_s);
         let step_s = ((high_s - low_s) / MAX_STEPS).max(COARSE_S);
-        // A grid over all shifts is followed by a finer grid around the best of them.
+        // A grid search over all shifts is followed by a finer one around the best of them.
         let coarse_s =
             self.best_shift(&stamps, 0.5 * (low_s + high_s), 0.5 * (high_s - low_s), step_s)?;
         let fine_s = self.best_shift(&stamps, coarse_s, step_s, step_s / 20.0)?;
@@ -229,7 +229,7 @@ impl Search {
             self.fit(&stamps, fine_s, self.may_rotate).filter(|fit| fit.misfit < WORST_MISFIT)?;
         let middle_s = 0.5 * (start_s + end_s);
         let reach_s = 0.02 * lasts_s + COARSE_S;
-        // The difference of both halves' shifts determines that of the clock rates.
+        // The ratio of the clock rates follows from the difference between both halves' shifts.
         let [first_s, second_s] = [(start_s, middle_s), (middle_s, end_s)].map(|(from_s, to_s)| {
             let stamps = self::stamps(from_s, to_s);
             let shift_s = self.best_shift(&stamps, fine_s, reach_s, reach_s / 100.0)?;
@@ -244,9 +244,9 @@ impl Search {
             frame_offset_m: fit.offset_m,
             transform_fit: Fit::default(),
         };
-        // A slope below 0.3 % is noise of the fit.
+        // A slope below 0.3 % is attributed to noise of the fit.
         let transform_fit = if slope.abs() > 0.003 {
-            // The shift is searched for once more with the rescaled clock.
+            // The search for the shift is repeated with the rescaled clock.
             shift.ratio = 1.0 / (1.0 - slope);
             let mut rescaled = self.clone();
             for time_s in rescaled.mocap.iter_mut().flat_map(|channel| &mut channel.time_s) {
@@ -265,7 +265,7 @@ impl Search {
         Some(shift)
     }
 
-    /// Returns the best shift within `reach_s` of `around_s`, on a grid with step `step_s`.
+    /// Returns the best shift within `reach_s` of `around_s`, on a grid with a spacing of `step_s`.
     fn best_shift(&self, stamps: &[f64], around_s: f64, reach_s: f64, step_s: f64) -> Option<f64> {
         if !(reach_s.is_finite() && around_s.is_finite() && step_s > 0.0) {
             return None;
@@ -295,8 +295,8 @@ impl Search {
         if pairs.len() * 2 < stamps.len() {
             return None;
         }
-        // The best translation makes the means equal. The best rotation is the angle given by the
-        // sums of the cross and dot products of the differences from the means.
+        // The best translation equalizes the means. The best rotation angle follows from the sums
+        // of the cross and dot products of the differences from the means.
         let n = pairs.len() as f64;
         let [to_m, from_m] = pairs
             .iter()
@@ -334,14 +334,14 @@ fn position_m(
     Some(Vector3::new(x?, y?, z?))
 }
 
-/// Returns the mean square distance of pairs after rotating the second point of each about z.
+/// Returns the mean square distance of pairs after the second point of each is rotated about z.
 fn mean_square_m2(pairs: &[(Vector3<f64>, Vector3<f64>)], rotation_rad: f64) -> f64 {
     let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), rotation_rad);
     let n = pairs.len() as f64;
     pairs.iter().map(|(to, from)| (to - turn * from).norm_squared() / n).sum()
 }
 
-/// Returns the maximum gap of the drone's path that is interpolated.
+/// Returns the maximum gap in the drone's path over which the path is interpolated.
 fn path_gap_s(path: &Channel) -> f64 {
     1.0_f64.max(3.0 * path.period_s)
 }

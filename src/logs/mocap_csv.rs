@@ -1,9 +1,9 @@
-//! Reads the headers of motion capture tables, in two formats.
+//! Parses the headers of motion capture tables in two formats.
 //!
 //! - Motive: the first line is `Format Version,…`, followed by lines of types, names and properties
-//!   above `Frame,Time (Seconds)`. y is up.
+//!   above `Frame,Time (Seconds)`. The y-axis points up.
 //! - Vicon: `Objects`, `Segments` or `Trajectories`, the frame rate, names, `Frame,Sub Frame,…` and
-//!   units. z is up, and rotations are ignored.
+//!   units. The z-axis points up, and rotations are ignored.
 //!
 //! The file must contain exactly one rigid body or, without bodies, exactly one marker.
 
@@ -16,7 +16,7 @@ use noctograph_core::files::{Head, Separator};
 
 const HEAD_LINES: usize = 12;
 
-/// Format of a motion capture table, as given by its header.
+/// Properties of a motion capture table, as given by its header.
 #[derive(Debug)]
 pub(super) struct Capture {
     pub(super) axes: Axes,
@@ -29,14 +29,14 @@ pub(super) struct Capture {
 /// Header lines, split into cells.
 type Lines<'a> = [Vec<&'a str>];
 
-/// Reads the header of a motion capture table. Returns `None` for other tables, and an error for
-/// one that is recognized but cannot be read.
+/// Parses the header of a motion capture table. Returns `None` for other tables, and an error for a
+/// table that is recognized but not supported.
 pub(super) fn capture(text: &[u8], file: &str) -> Result<Option<(Head, Capture)>> {
     let start = String::from_utf8_lossy(&text[..text.len().min(1 << 16)]);
     let cells = start.lines().take(HEAD_LINES).map(|line| line.split([',', ';', '\t']));
     let lines: Vec<Vec<&str>> =
         cells.map(|cells| cells.map(|cell| cell.trim().trim_matches('"')).collect()).collect();
-    // The titles are in the line that starts with Frame.
+    // The titles are in the line that begins with Frame.
     let head = lines.iter().position(|line| line[0] == "Frame");
     let read = match lines.first().map(|line| line[0]) {
         Some("Format Version") => motive,
@@ -73,7 +73,7 @@ fn motive(
     if let Some(space) = space.filter(|space| *space != "Global") {
         return Err(setting_error(file, &format!("Coordinate Space {space}"), "Global"));
     }
-    // The lines above are types, names, numbers and properties.
+    // The lines above it contain types, names, numbers and properties.
     let above: Vec<&Vec<&str>> = lines[1..head].iter().filter(|line| line.len() > 2).collect();
     let [types_line, properties_line] =
         [&["Rigid Body", "Marker"][..], &["Position"]].map(|wanted| {
@@ -121,7 +121,7 @@ fn vicon(
     let above = head.checked_sub(1).and_then(|line| lines.get(line)).into_iter().flatten();
     let names = above.copied().filter(|name| !name.is_empty());
     check_one(file, lines[0][0], names)?;
-    // The titles get the units in the line below them.
+    // The units in the line below are appended to the titles.
     let (mut titles, mut others) = (Vec::new(), 0);
     for (index, title) in lines[head].iter().enumerate() {
         let unit = lines.get(head + 1).and_then(|units| units.get(index));
@@ -145,7 +145,7 @@ fn vicon(
     Ok((head, Capture { axes: Axes::ZUp, format: "Vicon", period_s, warnings }))
 }
 
-/// Refuses any number of different bodies other than one.
+/// Returns an error unless there is exactly one body.
 fn check_one<'a>(file: &str, kind: &str, bodies: impl Iterator<Item = &'a str>) -> Result<()> {
     let bodies: BTreeSet<&str> = bodies.collect();
     if bodies.len() == 1 {

@@ -1,16 +1,16 @@
-//! Reads plain tables with t, x, y, z and other columns under their usual names, and range logs
-//! from a drone with a Loco deck.
+//! Reads plain tables with t, x, y, z and other columns under their usual names, and range logs of
+//! a drone with a Loco deck.
 //!
 //! Titles may be the ends of paths (`/cf1/pose/position/x` from `PlotJuggler`,
-//! `field.pose.position.x` from rosbag), with units at their end or in brackets (`x_mm`, `yaw
-//! [deg]`). Times may be in two columns. Tables from Motive and Vicon ([`super::mocap_csv`]) are
-//! read as well. Without a header, columns are t, x, y, z or, if separated by blanks, t, x, y, z
-//! and the quaternion x, y, z, w (TUM). Unknown columns are kept, with a warning. Unknown units,
-//! poses of two bodies, rows of several drones and tables in long form are refused.
+//! `field.pose.position.x` from rosbag), with units at the end or in brackets (`x_mm`, `yaw
+//! [deg]`). Times may be split into two columns. Motive and Vicon tables ([`super::mocap_csv`]) are
+//! also read. Without a header, columns are t, x, y, z or, if separated by blanks, t, x, y, z and
+//! the quaternion x, y, z, w (TUM). Unknown columns are kept, with a warning. Unknown units, poses
+//! of two bodies, rows of several drones and tables in long form are refused.
 //!
-//! Without a unit, numbers are meters, seconds and radians, unless they are impossible in these
-//! units. Each guess is a warning, and an option can override it. The flight of a range log
-//! (`index,timestamp,ranging.distance0 …`, in meters, with one new range in each row) keeps the
+//! Without a unit, numbers are assumed to be in meters, seconds and radians unless these units are
+//! implausible. Each guess causes a warning, and an option can override it. The flight of a range
+//! log (`index,timestamp,ranging.distance0 …`, in meters, with one new range in each row) keeps the
 //! times of the rows and has no position.
 
 use std::collections::BTreeMap;
@@ -25,15 +25,15 @@ use noctograph_core::files::{DEGREE, Head, Separator, SheetColumn, Text};
 use noctograph_core::flight::csv::is_standard_column;
 use noctograph_core::flight::timestamps::unit_of;
 
-/// Names of the columns of a file without a header.
+/// Column names of a file without a header.
 const UNNAMED: [&str; 4] = ["t", "x", "y", "z"];
 
-/// Names of the columns of a file without a header whose eight cells are separated by blanks.
+/// Column names of a file without a header that has eight cells separated by blanks.
 const TUM: [&str; 8] = ["t", "tx", "ty", "tz", "qx", "qy", "qz", "qw"];
 
 const RANGE: &str = "ranging.distance";
 
-/// Maximum time over which rows of one timestamp are spread, because times may be whole seconds.
+/// Maximum time over which rows with equal times are spread. Times may be in whole seconds.
 const ROW_S: f64 = 1.0;
 
 /// Reads a plain table, or one from motion capture with its own units and axes.
@@ -61,7 +61,7 @@ pub(super) fn read(
     let titles: Vec<String> = sheet.columns.iter().map(|column| column.title.clone()).collect();
     rows::join_times(&mut sheet.columns, &mut are_dated, &mut log)?;
 
-    // The axes and the period are those of the format, if the header determines them.
+    // The format determines axes and period if the header identifies it.
     let is_captured = captured.is_some();
     let mut period_s = options.period_s;
     if let Some(captured) = captured {
@@ -72,7 +72,7 @@ pub(super) fn read(
         (log.axes, log.in_format) = (Axes::ZDown, Some("the local position of PX4"));
     }
 
-    // The columns get their standard names, and then the times are determined.
+    // The columns are given their standard names, and then the times are determined.
     let mut columns = Columns { log, time_unit: options.time_unit, ..Columns::default() };
     for column in sheet.columns {
         let is_dated = are_dated[column.number - 1];
@@ -104,7 +104,7 @@ pub(super) fn read(
     Ok(log)
 }
 
-/// Names the columns of a table without a header by their order. Returns a note about it.
+/// Names the columns of a table without a header by their order. Returns a note about this.
 fn named_by_order(text: &Text<'_>, head: &mut Head) -> Option<String> {
     if !head.titles.is_empty() {
         return None;
@@ -124,7 +124,7 @@ fn without_times(text: &Text<'_>, titles: &[String], file: &str) -> Error {
     let are_titles = titles.iter().filter(|title| {
         !title.is_empty() && title.parse::<f64>().is_err() && !title.contains([':', '=', '[', '{'])
     });
-    // If most of them contain numbers or signs, they are not titles.
+    // If most of the texts are numbers or symbols, they are not titles.
     if 2 * are_titles.count() <= titles.len() {
         let first = text.bytes.trim_ascii_start().split(|byte| *byte == b'\n').next();
         let first = String::from_utf8_lossy(first.unwrap_or_default());
@@ -152,7 +152,7 @@ fn ros_message_names(text: &Text<'_>, head: &Head) -> Option<&'static [&'static 
     let row = String::from_utf8_lossy(row);
     let cells: Vec<&str> = row.trim_end().split(',').collect();
     let are_numbers: Vec<bool> = cells.iter().map(|cell| cell.parse::<f64>().is_ok()).collect();
-    // The row has the time in two whole numbers, one or two frame names, and then numbers.
+    // The row contains the time as two integers, one or two frame names, and then numbers.
     let names: &[&str] = match (&are_numbers[..], cells.len()) {
         ([true, true, false, false, ..], 11..) => &ODOMETRY,
         ([true, true, false, true, ..], 10..) => &POSE,
@@ -163,8 +163,8 @@ fn ros_message_names(text: &Text<'_>, head: &Head) -> Option<&'static [&'static 
     is_time.then_some(names)
 }
 
-/// Refuses a table without a header if its first column, which was assumed to be the times, rarely
-/// exceeds all previous values. Such a column may be the first element of a matrix.
+/// Returns an error for a table without a header if the first column, assumed to be the times,
+/// rarely exceeds all previous values. Such a column may be the first element of a matrix.
 fn check_assumed_times(time_s: &[f64], file: &str) -> Result<()> {
     let mut latest_s = f64::NEG_INFINITY;
     let rising = time_s.iter().filter(|time_s| {
@@ -181,7 +181,7 @@ fn check_assumed_times(time_s: &[f64], file: &str) -> Result<()> {
     Err(Error::input("column 1", numbers, "times", hint).in_file(file, None))
 }
 
-/// Adds the assumption about the columns to the hint of an error.
+/// Adds the assumption about the columns to an error's hint.
 fn with_assumption(mut error: Error, assumed: Option<&str>) -> Error {
     if let (Error::Input { hint, .. }, Some(assumed)) = (&mut error, assumed) {
         *hint = format!("{assumed}; write a header above the rows if that is wrong");
@@ -189,7 +189,7 @@ fn with_assumption(mut error: Error, assumed: Option<&str>) -> Error {
     error
 }
 
-/// Returns true for the header of PX4's `vehicle_local_position`, whose z points down.
+/// Returns true for the header of PX4's `vehicle_local_position`, in which z points down.
 fn is_px4(header: &[String]) -> bool {
     let titles: Vec<&str> = header.iter().map(String::as_str).collect();
     titles.contains(&"z")
@@ -206,19 +206,19 @@ fn numbered_times(named: &[Column], by_frame: bool, period_s: f64) -> Vec<f64> {
     }
 }
 
-/// The columns of a table that have been identified so far.
+/// Columns of a table that have been identified so far.
 #[derive(Default)]
 struct Columns {
     log: Recording,
     time_unit: TimeUnit,
     time: Option<(String, Vec<f64>)>,
     named: Vec<Column>,
-    /// Original title and body of each name.
+    /// Original title and body, by standard name.
     from: BTreeMap<String, (String, String)>,
 }
 
 impl Columns {
-    /// Adds a column under its standard name and in SI units, or as the times.
+    /// Adds a column under its standard name and in SI units, or uses it as the times.
     fn add(&mut self, column: SheetColumn, is_dated: bool) -> Result<()> {
         let SheetColumn { title, number, values, .. } = column;
         let Title { mut name, is_known, unit, body, other_unit } = Title::parse(&title);
@@ -237,7 +237,7 @@ impl Columns {
         if is_dated && name == "index" {
             "t".clone_into(&mut name);
         }
-        // The first column of times may be empty while the second is filled.
+        // The first column of times may be empty while the second one is filled.
         if name == "t" && (title == "t" || is_dated || values.iter().any(|value| !value.is_nan())) {
             let (time_s, guess) = times(&title, values, is_dated, unit, self.time_unit);
             if let Some((first, _)) = &self.time {
@@ -259,7 +259,7 @@ impl Columns {
         } else if !is_known && !is_expected(&title) {
             unknown = Some(format!("{title} (column {number})"));
         }
-        // Of two columns with the same quantity, the first is used if they belong to one body.
+        // Of two columns with the same quantity, the first is used if both belong to the same body.
         if is_known && let Some((first, first_body)) = self.from.get(&name) {
             if *first_body != body {
                 let place = format!("columns {first} and {title}");
@@ -279,7 +279,7 @@ impl Columns {
     }
 }
 
-/// Returns true for a title from the simulator or the firmware, which needs no warning.
+/// Returns true for a title of the simulator or the firmware, which causes no warning.
 fn is_expected(title: &str) -> bool {
     // Titles of the simulator's columns, and of row numbers.
     const OURS: &str = "saturated_s battery_v energy_j estimate_sigma_m estimate_nees frame seq";
@@ -306,7 +306,7 @@ fn times(
         let text = format!("column {title}: its clock restarts {wraps} time(s), which is undone");
         return (values, (wraps > 0).then(|| Diagnostic::warning("clock-wrapped", text)));
     }
-    // An option overrides the title, which overrides the unit inferred from the steps.
+    // An option takes precedence over the title, and the title over the steps.
     let (named_s, inferred) = (wanted.seconds().or(unit), unit_of(&values));
     let (unit_s, step) = (named_s.unwrap_or(inferred.unit_s), inferred.step);
     values.iter_mut().for_each(|value| *value *= unit_s);
@@ -324,8 +324,8 @@ fn times(
     (values, Some(Diagnostic::warning("unit-guessed", format!("column {title}: {guess}"))))
 }
 
-/// Adds a day, half a day or an hour after each fall of a clock by about that amount. Returns the
-/// number of falls.
+/// Adds a day, half a day or an hour after each backward step of about that size. Returns the
+/// number of backward steps.
 fn undo_midnights(times_s: &mut [f64]) -> u32 {
     const NEAR_S: f64 = 60.0;
     /// Latest time of day, 25 hours. Larger numbers are dates, which do not restart.
@@ -355,14 +355,15 @@ fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|value| value * value).sum::<f64>() / n).sqrt()
 }
 
-/// Returns true if angles of unknown unit are in degrees, and why, or `None` for plausible radians.
+/// Returns true if angles of unknown unit are in degrees, and the reason, or `None` if radians are
+/// plausible.
 pub(super) fn are_degrees(block: &Block) -> (bool, Option<String>) {
-    /// Root mean square (20°) and maximum (40°) of pitch and roll in a usual flight, in radians.
+    /// Root mean square (20°) and maximum (40°) of pitch and roll in an ordinary flight, rad.
     const USUAL_RMS: f64 = 0.35;
     const USUAL_MAX: f64 = 0.7;
     let (tilt, angles) = (open_angles(block, &ANGLES[1..]), open_angles(block, &ANGLES));
     let (max_tilt, max_angle, rms_tilt) = (max_abs(&tilt), max_abs(&angles), rms(&tilt));
-    // The signs are checked from the most certain to the weakest one.
+    // The indications are tested in order, the most reliable first.
     if max_angle > std::f64::consts::TAU {
         (true, Some("yaw, pitch and roll go beyond a full turn of 2π".to_owned()))
     } else if max_tilt > std::f64::consts::FRAC_PI_2 {
@@ -380,7 +381,7 @@ pub(super) fn are_degrees(block: &Block) -> (bool, Option<String>) {
     }
 }
 
-/// Converts angles and angular velocities whose titles give no unit to radians.
+/// Converts angles and angular velocities without a unit in their title to radians.
 pub(super) fn resolve_angles(
     Recording { blocks, warnings, .. }: &mut Recording,
     wanted: AngleUnit,
@@ -396,9 +397,9 @@ pub(super) fn resolve_angles(
         if wanted == AngleUnit::Degrees || is_auto && are_degrees {
             from_degrees(block, false);
         }
-        // Rates must match the changes of roll and pitch, which are in radians now. In degrees they
-        // are 57 times as large, and 7.6 is the geometric mean of 57 and 1. If roll and pitch do
-        // not change, the limit is 35 rad/s, which no drone reaches.
+        // Rates must match the changes of roll and pitch, which have been converted to radians. In
+        // degrees they are 57 times as large, and 7.6 is the geometric mean of 57 and 1. If roll
+        // and pitch do not change, the limit is 35 rad/s, which no drone reaches.
         let rates = open_angles(block, &["wx_body_rad_s", "wy_body_rad_s"]);
         let angles = ANGLES[1..].iter().filter_map(|name| block.column(name));
         let pairs = angles.flat_map(|angle| angle.values.windows(2).zip(block.time_s.windows(2)));
@@ -419,29 +420,29 @@ pub(super) fn resolve_angles(
     }
 }
 
-/// Returns the finite numbers in the columns with these names whose unit is unknown.
+/// Returns the finite numbers of unknown unit in the columns with these names.
 fn open_angles(block: &Block, names: &[&str]) -> Vec<f64> {
     let open = block.columns.iter().filter(|column| column.is_open_angle);
     let values = open.filter(|column| names.contains(&&*column.name)).flat_map(|c| &c.values);
     values.copied().filter(|value| value.is_finite()).collect()
 }
 
-/// Converts rates of unknown unit, or else angles, from degrees to radians.
+/// Converts rates of unknown unit, or angles, from degrees to radians.
 fn from_degrees(block: &mut Block, are_rates: bool) {
     let open = block.columns.iter_mut().filter(|column| column.is_open_angle);
     let open = open.filter(|column| column.name.starts_with('w') == are_rates);
     open.flat_map(|column| &mut column.values).for_each(|value| *value *= DEGREE);
 }
 
-/// Spreads rows with the same time evenly up to the next time, or over [`ROW_S`] if that is
-/// shorter. Returns true if there are such rows.
+/// Spreads rows with equal times evenly up to the next time, or over [`ROW_S`] if that is shorter.
+/// Returns true if there are such rows.
 fn spread_rows(time_s: &mut [f64]) -> bool {
     let mut has_equal_times = false;
     let mut first = 0;
     while first < time_s.len() {
         let stamp_s = time_s[first];
         let n = time_s[first..].iter().take_while(|t| **t == stamp_s).count().max(1);
-        // Rows with the same time last until the next time.
+        // Rows with equal times extend to the next time.
         let next_s = time_s.get(first + n).map_or(ROW_S, |next| next - stamp_s);
         has_equal_times |= n > 1;
         for (k, t) in time_s[first..first + n].iter_mut().enumerate() {
@@ -492,7 +493,7 @@ mod tests {
         assert_eq!(log.blocks[0].time_s, [0.0, 0.02, 0.04]);
         assert_eq!(log.channel("yaw_rad").unwrap().values[0], 10_f64.to_radians());
         assert_eq!(log.warnings.len(), 2, "both with a warning: {:?}", log.warnings);
-        // The rows are at 1 kHz, and in ns.
+        // The rows have a rate of 1 kHz, and times in ns.
         let kilohertz: String = (0..=600).map(|ms| format!("{ms},1\n")).collect();
         for (rows, end_s) in [(&*kilohertz, 0.6), ("0,1\n4000000,2\n", 0.004)] {
             let text = format!("t,x\n{rows}");

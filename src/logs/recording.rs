@@ -1,4 +1,4 @@
-//! Recording: the columns of a log file, before their quantities are identified.
+//! Recording: the columns of a log file before their quantities are identified.
 
 use std::collections::BTreeSet;
 
@@ -11,10 +11,10 @@ use noctograph_core::statistics::median;
 /// Maximum number of variables that become channels of a flight.
 const MAX_CHANNELS: usize = 32;
 
-/// Work budget in steps for each number of a channel.
+/// Work budget in steps per number in a channel.
 const STEPS: usize = 10;
 
-/// Minimum magnitude of a number that is not a measurement.
+/// Magnitude at and above which a number is not a measurement.
 const TOO_LARGE: f64 = 1e18;
 
 /// Maximum number of names that a message lists.
@@ -25,14 +25,14 @@ const MAX_LISTED: usize = 12;
 pub(super) struct Recording {
     pub(super) file: String,
     pub(super) blocks: Vec<Block>,
-    /// Period after which the drone's times restart at zero, if they do.
+    /// Period after which the drone's times restart at zero, if they restart.
     pub(super) wrap_s: Option<f64>,
-    /// True for times of `usecTimestamp` (µSD logs), which counts 84 µs in 85 µs in firmware up to
-    /// and including release 2026.08. Other times are true ticks of the operating system.
+    /// True for times from `usecTimestamp` (µSD logs), which counts 84 µs in 85 µs with firmware up
+    /// to and including release 2026.08. Other times are true ticks of the operating system.
     pub(super) is_on_card: bool,
-    /// Name of the drone's firmware in the log.
+    /// Name of the drone's firmware, if the log states it.
     pub(super) firmware: Option<String>,
-    /// True if the times are on a clock that other logs may use as well.
+    /// True if other logs may use the same clock.
     pub(super) is_stamped: bool,
     /// Axes of the world frame of plain columns, if the format defines them.
     pub(super) axes: Axes,
@@ -46,7 +46,7 @@ pub(super) struct Recording {
 pub(super) struct Block {
     pub(super) name: String,
     pub(super) clock: Clock,
-    /// Times as logged, which increase only after [`super::clock::repaired`].
+    /// Times as logged. They are increasing only after [`super::clock::repaired`].
     pub(super) time_s: Vec<f64>,
     pub(super) columns: Vec<Column>,
 }
@@ -56,18 +56,18 @@ pub(super) struct Block {
 pub(super) enum Clock {
     #[default]
     Drone,
-    /// The computer of the motion capture system, whose clock has another zero.
+    /// Computer of the motion capture system, whose clock has a different zero.
     Mocap,
 }
 
-/// One logged variable. Cells without a number are not finite, and are not in a [`Channel`].
+/// One logged variable. Cells without a number are not finite, and are excluded from a [`Channel`].
 #[derive(Debug, Default)]
 pub(super) struct Column {
     pub(super) name: String,
     pub(super) values: Vec<f64>,
-    /// True for an angle, or an angular velocity, whose title gives no unit.
+    /// True for an angle or angular velocity whose title states no unit.
     pub(super) is_open_angle: bool,
-    /// Title and number of the column in a table, if the title is unknown.
+    /// Title and position of the column in a table, if the title is unknown.
     pub(super) unknown: Option<String>,
 }
 
@@ -81,7 +81,7 @@ pub(super) struct Channel {
 }
 
 impl Column {
-    /// Returns a column that is not an angle of unknown unit.
+    /// Returns a column whose unit, if it is an angle, is known.
     pub(super) fn new(name: String, values: Vec<f64>) -> Self {
         Self { name, values, ..Self::default() }
     }
@@ -109,7 +109,7 @@ impl Recording {
         self.warnings.push(Diagnostic::warning(code, message));
     }
 
-    /// Adds notes of a reader as warnings.
+    /// Adds a reader's notes as warnings.
     pub(super) fn warn_of_notes(&mut self, notes: &[String]) {
         self.warnings.extend(Diagnostic::warnings("read-as", notes));
     }
@@ -129,7 +129,7 @@ impl Recording {
         names(pattern).map(|name| self.channel(&name)).collect()
     }
 
-    /// Refuses a recording with more than [`MAX_VARIABLES`].
+    /// Returns an error for a recording with more than [`MAX_VARIABLES`].
     pub(super) fn check_variables(&self) -> Result<()> {
         let n = self.names().count().max(self.blocks.len());
         if n <= MAX_VARIABLES {
@@ -139,11 +139,11 @@ impl Recording {
         Err(Error::input(Place::file(&self.file), actual, wanted, HINT))
     }
 
-    /// Refuses a recording whose channels, which are copies, would exceed the budget.
+    /// Returns an error for a recording whose channels, which are copies, would exceed the budget.
     pub(super) fn check(&self, budget: &Budget) -> Result<()> {
         self.check_variables()?;
         for Block { time_s, columns, .. } in &self.blocks {
-            // Each channel stores twice as many numbers: times and values.
+            // Each channel stores twice as many numbers, namely times and values.
             budget.bytes(2 * size_of::<f64>() * time_s.len() * columns.len().min(MAX_CHANNELS))?;
             budget.steps(STEPS * time_s.len() * (columns.len() + 1))?;
         }
@@ -155,10 +155,10 @@ impl Recording {
         self.blocks.iter().flat_map(|block| block.columns.iter().map(|c| c.name.as_str()))
     }
 
-    /// Removes empty blocks and makes all column names different: a second `x` becomes `block:x`,
+    /// Removes empty blocks, and makes all column names distinct: a second `x` becomes `block:x`,
     /// and a third one `block:x:2`.
     pub(super) fn with_different_names(mut self) -> Self {
-        // The block of an event that never occurred would hide variables with the same names.
+        // The empty block of an event that never occurred would hide variables with the same names.
         self.blocks.retain(|block| !block.time_s.is_empty());
         let mut taken = BTreeSet::new();
         for block in &mut self.blocks {
@@ -192,7 +192,7 @@ impl Recording {
     }
 }
 
-/// Returns the names of a pattern, one for each part in its braces.
+/// Returns the names that match a pattern, one for each part in its braces.
 pub(super) fn names(pattern: &str) -> impl Iterator<Item = String> {
     let (before, rest) = pattern.split_once('{').expect("a pattern has braces");
     let (parts, after) = rest.split_once('}').expect("braces are closed");
@@ -204,7 +204,7 @@ fn is_number(value: f64) -> bool {
     value.abs() < TOO_LARGE
 }
 
-/// Lists names for a message: the first twelve, followed by the number of the others.
+/// Returns a list of names for a message: the first twelve, followed by the number of the others.
 pub(super) fn shortened(names: &[impl AsRef<str>]) -> String {
     let first: Vec<&str> = names.iter().take(MAX_LISTED).map(AsRef::as_ref).collect();
     let more = names.len().saturating_sub(MAX_LISTED);
@@ -244,7 +244,7 @@ impl Channel {
         (t1 - t0 <= max_gap_s).then(|| v0 + (v1 - v0) * ((time_s - t0) / (t1 - t0)))
     }
 
-    /// Returns the last value logged up to a time, or the first value before the first sample.
+    /// Returns the last value at or before a time, or the first value before the first sample.
     pub(super) fn held(&self, time_s: f64) -> f64 {
         self.values[self.last_before(time_s).unwrap_or(0)]
     }

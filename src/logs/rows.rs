@@ -1,4 +1,4 @@
-//! Checks that all rows of a table belong to one drone, and joins times in two columns.
+//! Checks that all rows of a table belong to one drone, and joins times split into two columns.
 
 use std::collections::BTreeSet;
 
@@ -8,7 +8,7 @@ use super::titles::meaning;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Sheet, SheetColumn, simplified};
 
-/// Titles of columns that name the drone of a row, as returned by [`simplified`].
+/// Titles of columns that name a row's drone, as returned by [`simplified`].
 const OWNERS: &str = "drone drone_id droneid drone_name drones uri link_uri link id uav uav_id \
                       uav_name quad quad_id swarm_id robot robot_id robot_name agent agent_id vehicle vehicle_id body \
                       body_id body_name rigid_body rigid_body_id rigid_body_name cf cf_id cfid \
@@ -16,7 +16,7 @@ const OWNERS: &str = "drone drone_id droneid drone_name drones uri link_uri link
                       subject subject_name drohne address serial mac tag tag_id trackable tracker_id actor \
                       entity vehicle_name";
 
-/// Names of fractions of a second in titles, with their size in seconds.
+/// Names in titles for fractions of a second, and their size in seconds.
 const FRACTIONS: [(&str, f64); 6] = [
     ("nanosec", 1e-9),
     ("nsec", 1e-9),
@@ -26,12 +26,12 @@ const FRACTIONS: [(&str, f64); 6] = [
     ("msec", 1e-3),
 ];
 
-/// Minimum distance at which positions at the same time belong to two drones, m.
+/// Minimum distance at which simultaneous positions belong to two drones, m.
 const APART_M: f64 = 0.1;
 
-/// Refuses rows of several drones, and a table in long form.
+/// Returns an error for rows of several drones, and for a long-form table.
 pub(super) fn check(sheet: &Sheet, file: &str) -> Result<()> {
-    // A table in long form has one column each for times, names and values.
+    // A long-form table has one column each for times, names and values.
     let texts: Vec<_> = sheet.columns.iter().filter(|c| c.is_text() && c.texts.len() > 1).collect();
     let is_index = |c: &SheetColumn| c.is_text() || meaning(&c.title).0 == "index";
     let (times, values): (Vec<_>, Vec<_>) =
@@ -48,7 +48,7 @@ pub(super) fn check(sheet: &Sheet, file: &str) -> Result<()> {
     Ok(())
 }
 
-/// Returns the error for a table in long form, given the titles of its three columns.
+/// Returns the error for a long-form table, given the titles of its three columns.
 pub(super) fn long_form_error([time, names, value]: [&str; 3]) -> Error {
     let form = format_args!("a table in long form, whose column {names} names each value");
     let hint = format!(
@@ -58,7 +58,7 @@ pub(super) fn long_form_error([time, names, value]: [&str; 3]) -> Error {
     Error::input("rows", form, "a column for each variable", hint)
 }
 
-/// Refuses a column of drones' names, such as `drone_id`, that contains several different names.
+/// Returns an error if a column of drone names, such as `drone_id`, contains different names.
 pub(super) fn check_owners(title: &str, owners: &[String], file: &str) -> Result<()> {
     let last = title.rsplit(['.', '/']).next().unwrap_or_default();
     let plain = simplified(last);
@@ -70,8 +70,8 @@ pub(super) fn check_owners(title: &str, owners: &[String], file: &str) -> Result
     Err(Error::input(format!("column {title}"), rows, "those of one", hint).in_file(file, None))
 }
 
-/// Returns the different numbers of a column if they can be ids: at most 64 whole numbers, which
-/// repeat. Otherwise returns an empty list.
+/// Returns the different numbers in a column if they can be ids, which means at most 64 integers
+/// that repeat. Otherwise returns an empty list.
 pub(super) fn repeated_ids(values: &[f64]) -> Vec<String> {
     let mut ids = BTreeSet::new();
     for value in values.iter().filter(|value| value.is_finite()) {
@@ -83,7 +83,7 @@ pub(super) fn repeated_ids(values: &[f64]) -> Vec<String> {
     ids.into_iter().map(|id| f64::from_bits(id).to_string()).collect()
 }
 
-/// Adds up two columns of times: a date and a time of day, or whole seconds and their fraction.
+/// Adds two columns of times: a date and a time of day, or whole seconds and their fraction.
 pub(super) fn join_times(
     columns: &mut Vec<SheetColumn>,
     are_dated: &mut [bool],
@@ -122,8 +122,8 @@ pub(super) fn join_times(
         .in_file(&log.file, None))
 }
 
-/// Returns the title of the whole seconds and the fraction's unit for a title of fractions of a
-/// second. For `stamp_nanosecs`, title and unit are `stamp_secs` and 1e-9.
+/// Returns the title of the whole seconds and the fraction's unit, given the title of fractions of
+/// a second. For example, `stamp_nanosecs` yields `stamp_secs` and 1e-9.
 pub(super) fn whole_seconds_title(title: &str) -> Option<(String, f64)> {
     let plain = simplified(title);
     FRACTIONS.iter().find_map(|(fraction_name, unit_s)| {
@@ -147,7 +147,7 @@ fn join(
     [stamps, other]: [usize; 2],
     unit_s: f64,
 ) {
-    // The sum gets the title of times, and counts as dated, because its unit is seconds.
+    // The sum is titled as times, and treated as dated, because its unit is seconds.
     let parts = std::mem::take(&mut columns[other].values);
     let column = &mut columns[stamps];
     column.values.iter_mut().zip(parts).for_each(|(stamp, part)| *stamp += unit_s * part);
@@ -158,8 +158,8 @@ fn join(
     columns.remove(other);
 }
 
-/// Refuses a block if, for more than a tenth of its rows, the previous row is at the same time but
-/// at another position, because such rows belong to two drones.
+/// Returns an error for a block in which more than a tenth of the rows follow a row with the same
+/// time but a different position. Such rows belong to two drones.
 pub(super) fn check_positions(block: &Block, file: &str) -> Result<()> {
     let mut n_apart = 0;
     for column in ["x_m", "y_m", "z_m"].iter().filter_map(|name| block.column(name)) {

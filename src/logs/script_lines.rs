@@ -1,11 +1,11 @@
-//! Reads the log of an exported script while it is written, with one line of JSON for each sample.
+//! Reads an exported script's log while it is being written, with one line of JSON per sample.
 //!
 //! The first line is the head of the log, `{"noctograph": {…}}`. Each further line is a sample,
-//! `{"time": ms, "variable": number, …}`, and the last one is the end mark `{"end": true}`. If the
-//! mark is missing, the script or its computer was stopped, and the last line may be incomplete.
+//! `{"time": ms, "variable": number, …}`, and the last one is the end mark `{"end": true}`. Without
+//! the end mark, the script or its computer was stopped, and the last line may be incomplete.
 //!
-//! The variables form the same blocks as those of the complete log, which the script writes at the
-//! end, so that both give the same flight.
+//! The variables form the same blocks as in the complete log, which the script writes at the end,
+//! so that both yield the same flight.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -25,29 +25,29 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Budget, push};
 use noctograph_core::settings::Described;
 
-/// Work budget in steps for a byte and for a value, and memory for a new variable in bytes.
+/// Work budget in steps per byte and per value, and memory per new variable in bytes.
 const BYTE_STEPS: usize = 3;
 const VALUE_STEPS: usize = 200;
 const VARIABLE_BYTES: usize = 400;
 
-/// Beginning of a log's head, and its maximum length. A scene takes some kilobytes.
+/// Beginning of a log's head, and the head's maximum length. A scene takes a few kilobytes.
 const HEAD: &[u8] = b"{\"noctograph\"";
 const MAX_HEAD_BYTES: usize = 1 << 20;
 
-/// Names of the time and of the end mark in a line.
+/// Names in a line: that of the time, and that of the end mark.
 const TIME: &str = "time";
 const END: &str = "end";
 
 /// Times and values of each variable, in the units of the log.
 type Columns = BTreeMap<String, [Vec<f64>; 2]>;
 
-/// The samples that have been read so far.
+/// Samples that have been read so far.
 #[derive(Debug, Default)]
 pub(super) struct Lines {
     file: String,
-    /// Number of lines that were read.
+    /// Number of lines that have been read.
     n_lines: u64,
-    /// Bytes of the last line, which is still incomplete.
+    /// Bytes of the incomplete last line.
     rest: Vec<u8>,
     firmware: Option<String>,
     columns: Columns,
@@ -61,7 +61,7 @@ struct Head {
     noctograph: BTreeMap<String, Value>,
 }
 
-/// Returns true for a script's log in lines, whose first line is a complete head.
+/// Returns true for a script's line-by-line log, whose first line is a complete head.
 pub(super) fn is_lines(text: &[u8]) -> bool {
     let text = text.trim_ascii_start();
     let end = text.iter().position(|byte| *byte == b'\n');
@@ -81,7 +81,7 @@ impl Lines {
         Self { file: file.to_owned(), ..Self::default() }
     }
 
-    /// Reads the complete lines, and keeps the rest for the next bytes.
+    /// Reads the complete lines, and keeps the remaining bytes until more are added.
     fn push(&mut self, bytes: &[u8], budget: &Budget) -> Result<()> {
         budget.steps(BYTE_STEPS * bytes.len())?;
         let Some(last) = bytes.iter().rposition(|byte| *byte == b'\n') else {
@@ -155,7 +155,7 @@ impl Lines {
         Error::input("", actual, wanted, hint).in_file(&self.file, self.n_lines)
     }
 
-    /// Returns the samples as a recording. If the end mark is missing, a warning is added.
+    /// Returns the samples as a recording, with a warning if the end mark is missing.
     fn recording(&self, columns: Columns, options: &ImportOptions) -> Recording {
         let mut log = Recording { wrap_s: Some(WRAP_S), ..Recording::new(&self.file) };
         log.firmware.clone_from(&self.firmware);
@@ -178,7 +178,7 @@ impl Lines {
     }
 }
 
-/// Returns true if the bytes are a log's head, or may become one with further bytes.
+/// Returns true if the bytes are a log's head, or may become one when further bytes follow.
 fn may_become_head(bytes: &[u8]) -> bool {
     bytes.starts_with(&HEAD[..bytes.len().min(HEAD.len())])
         && bytes.len() < MAX_HEAD_BYTES
@@ -194,7 +194,7 @@ fn number(value: &RawValue) -> Option<f64> {
     }
 }
 
-/// The log of an exported script while it is being written.
+/// An exported script's log while it is being written.
 pub struct GrowingLog {
     file: Box<dyn Read + Send>,
     path: PathBuf,
@@ -224,28 +224,29 @@ impl GrowingLog {
         Self { file, path: path.to_owned(), lines, budget }
     }
 
-    /// Reads what the script has added. The last line may be incomplete. Returns true if anything
-    /// was added.
+    /// Reads what the script has added, possibly an incomplete line. Returns true if it added
+    /// anything.
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Io`] if the file cannot be read or is too large, and [`Error::Input`] for a
-    /// line that is not a sample and for a file that is not a script's log in lines.
+    /// Returns [`Error::Io`] if the file cannot be read or is too large. Returns [`Error::Input`]
+    /// for a line that is not a sample, and for a file that is not a script's line-by-line log.
     pub fn grow(&mut self) -> Result<bool> {
         let mut bytes = Vec::new();
         let read = self.file.read_to_end(&mut bytes);
         read.map_err(|source| Error::read(&self.path, source))?;
-        // The limit is that of a complete file, so that a log that can be followed can be imported.
+        // The limit is that of a complete file, so that any log being followed can also be
+        // imported.
         self.budget.bytes(bytes.len())?;
         self.lines.push(&bytes, &self.budget)?;
-        // A file that cannot become a log is refused at once, instead of waiting for more.
+        // A file that cannot become a log is rejected at once instead of waiting for more.
         if self.lines.n_lines == 0 && !may_become_head(&self.lines.rest) {
             return Err(self.lines.headless("no lines of a script's log"));
         }
         Ok(!bytes.is_empty())
     }
 
-    /// Returns true if the log's head was read.
+    /// Returns true if the log's head has been read.
     #[must_use]
     pub fn has_begun(&self) -> bool {
         self.lines.n_lines > 0
@@ -257,7 +258,7 @@ impl GrowingLog {
         self.lines.has_ended
     }
 
-    /// Returns the flight so far, as [`super::import_on_clock`] does for the complete file.
+    /// Returns the flight so far, as [`super::import_on_clock`] would for a complete file.
     ///
     /// # Errors
     ///
@@ -331,7 +332,7 @@ mod tests {
         }
     }
 
-    /// A file that grows by a byte each time it is read to its end.
+    /// A file that grows by one byte whenever it is read to its end.
     struct Drip(Vec<u8>, bool);
 
     impl Read for Drip {

@@ -1,12 +1,12 @@
 //! Sources of quantities: converts logged variables to SI units and standard frames.
 //!
-//! The tables below define all known variables and convert degrees, millimeters and the firmware's
-//! inverted pitch. The sources of a quantity are sorted by preference: the first source that is
-//! logged, plausible and live is used. A source is plausible if its numbers are in the range of a
-//! drone, and live if it changes while others do. A quantity that is frozen while the drone moves
-//! counts as not logged. Warnings name everything that is ignored.
+//! The tables below define all known variables, and convert degrees, millimeters and the firmware's
+//! inverted pitch. Each quantity uses the first source, in order of preference, that is logged,
+//! plausible and live. A source is plausible if its numbers are possible for a drone, and live if
+//! it changes while others do. A quantity that is frozen while the drone moves counts as not
+//! logged. Warnings list everything that is ignored.
 //!
-//! Signs and units come from these files:
+//! Signs and units are taken from these files:
 //!
 //! - crazyflie-firmware: `stabilizer_types.h` and `stabilizer.c` (degrees with inverted pitch,
 //!   compressed state in mm, mm/s and mrad/s), `kalman_core.c` (velocity in the body frame,
@@ -28,28 +28,28 @@ use noctograph_core::flight::table::on_grid;
 use noctograph_core::geometry::Attitude;
 use noctograph_core::product::MAX_QUANTITY;
 
-/// Variables of one quantity: their kind, a pattern of their names, and factors to SI units and
-/// standard signs. An empty list of factors means 1.
+/// Variables for one quantity: the kind of source, a pattern of their names, and factors to SI
+/// units and standard signs. An empty list of factors means 1.
 struct Source(PositionSource, &'static str, &'static [f64]);
 
-/// Minimum time during which a live source changes, relative to the source that changes longest.
+/// Minimum time over which a live source changes, relative to the source that changes longest.
 const ALIVE_FRACTION: f64 = 0.1;
 
-/// Minimum range of the positions of a moving drone, which exceeds the position noise at rest.
+/// Minimum range of a moving drone's positions, which exceeds the position noise at rest.
 const MOVES_M: f64 = 0.1;
 
-/// Codes of the warnings about a heading without an attitude, and about a source that diverged.
+/// Codes of the warnings about a heading without an attitude, and about a diverged source.
 const YAW_ONLY: &str = "yaw-only";
 const DIVERGED: &str = "source-diverged";
 
-/// Minimum speed and distance of a jump to (0, 0, 0) at which zeros are those of a lost body.
+/// Minimum speed and distance of a jump to (0, 0, 0) for zeros to count as a lost body.
 const LOST_M_S: f64 = 5.0;
 const LOST_M: f64 = 0.2;
 
 use PositionSource::{Best, Custom, Estimate, Firmware, Lighthouse, Mocap};
 
-/// World position, m. Lighthouse comes last, because its raw fixes are held between sweeps and drop
-/// out. The estimators filter them (the reference flight differs by 5 mm rms).
+/// World position, m. Lighthouse is last, because its raw fixes are held between sweeps and drop
+/// out. The estimators filter these fixes (they differ by 5 mm rms on the reference flight).
 const POSITION: &[Source] = &[
     Source(Mocap, "mocap.{x y z}", &[]),
     Source(Mocap, "ae483log.p_{x y z}_mocap", &[]),
@@ -78,7 +78,7 @@ const DESIGN: &[Source] = &[
     Source(Best, "{x y z}_design_m", &[]),
 ];
 
-/// Yaw, pitch and roll, rad. The firmware's pitch is inverted.
+/// Yaw, pitch and roll, rad. The firmware's pitch has the opposite sign.
 const ATTITUDE: &[Source] = &[
     Source(Mocap, "mocap.{yaw pitch roll}", &[]),
     Source(Mocap, "ae483log.{psi theta phi}_mocap", &[]),
@@ -136,11 +136,10 @@ const MOTORS: &[Source] = &[
     Source(Best, "m{1 2 3 4}", &[]),
 ];
 
-/// Quantities of a log.
+/// Quantities in a log.
 #[derive(Debug)]
 pub(super) struct Quantities {
-    /// Channels of each quantity, in the order of its columns in a flight file. Yaw and roll have
-    /// no jumps at ±π.
+    /// Channels of each quantity, in the order of a flight file, with yaw and roll unwrapped.
     pub(super) channels: BTreeMap<Quantity, Vec<Channel>>,
     /// True if the velocity is in the world frame, false if it is in the body frame.
     pub(super) has_world_velocity: bool,
@@ -156,7 +155,7 @@ struct Search<'a> {
 }
 
 impl PositionSource {
-    /// Returns the kinds of sources that may be used.
+    /// Returns the acceptable kinds of sources.
     fn kinds(self) -> &'static [Self] {
         match self {
             Best => ANY,
@@ -176,16 +175,16 @@ pub(super) fn is_position(name: &str) -> bool {
     POSITION.iter().any(|source| names(source.1).next().is_some_and(|first| first == name))
 }
 
-/// Returns the position from the requested source, if it is logged.
+/// Returns the position from the requested source, if it was logged.
 pub(super) fn position(recording: &Recording, wanted: PositionSource) -> Option<Vec<Channel>> {
     Search::new(recording).position(wanted.kinds())
 }
 
-/// Returns each quantity from its best source. `wanted` is the source of position and attitude.
+/// Returns each quantity from its best source. `wanted` applies to position and attitude.
 pub(super) fn quantities(recording: &Recording, wanted: PositionSource) -> Quantities {
     let mut search = Search::new(recording);
     let (any, truth) = (ANY, wanted.kinds());
-    // The order of these quantities is also that of their warnings.
+    // The order of these quantities also determines the order of their warnings.
     let mut channels = BTreeMap::new();
     for (quantity, taken) in [
         (Quantity::Position, search.position(truth)),
@@ -196,21 +195,21 @@ pub(super) fn quantities(recording: &Recording, wanted: PositionSource) -> Quant
     ] {
         channels.extend(taken.map(|taken| (quantity, taken)));
     }
-    // The firmware's velocity in the world frame is preferred to its velocity in the body frame.
+    // The firmware's velocity in the world frame takes precedence over that in the body frame.
     let (first, last): (Vec<_>, Vec<_>) = VELOCITY_BODY.iter().partition(|s| s.0 != Firmware);
     let velocity = search.first(first.into_iter().chain(VELOCITY_WORLD).chain(last));
     let has_world_velocity =
         velocity.as_ref().is_some_and(|(source, _)| VELOCITY_WORLD.iter().any(|w| w.1 == source.1));
     channels.extend(velocity.map(|(_, taken)| (Quantity::Velocity, taken)));
     channels.extend(search.attitude(truth).map(|taken| (Quantity::Attitude, taken)));
-    // A quantity that is frozen while the drone moves was not logged.
+    // A quantity that is frozen while the drone moves counts as not logged.
     let moving_s = moving_s(channels.get(&Quantity::Position));
     channels.retain(|quantity, channels| search.is_logged(*quantity, channels, moving_s));
     let Search { used, warnings, .. } = search;
     Quantities { channels, has_world_velocity, used, warnings }
 }
 
-/// Returns the time during which a drone moves, which is zero for a drone at rest.
+/// Returns the time for which a drone moves, which is zero for a drone at rest.
 fn moving_s(position: Option<&Vec<Channel>>) -> f64 {
     let moving = position.into_iter().flatten().filter(|channel| {
         let values = channel.values.iter().copied();
@@ -225,20 +224,20 @@ impl<'a> Search<'a> {
         Self { recording, used: BTreeSet::new(), warnings: Vec::new() }
     }
 
-    /// Returns the position, without the zeros of a lost body.
+    /// Returns the position, without the zeros that stand for a lost body.
     fn position(&mut self, kinds: &[PositionSource]) -> Option<Vec<Channel>> {
         let channels = self.of_kinds(POSITION, kinds)?;
         Some(self.without_zeros(channels))
     }
 
-    /// Returns the channels of a table's best source among the given kinds.
+    /// Returns the channels of a table's best source of the given kinds.
     fn of_kinds(&mut self, table: &[Source], kinds: &[PositionSource]) -> Option<Vec<Channel>> {
         let sources = table.iter().filter(|source| kinds.contains(&source.0));
         Some(self.first(sources)?.1)
     }
 
     /// Returns the first plausible and live source in SI units. An observer that did not run logs a
-    /// constant. If no source changes, returns the first that is not zero, or else the first.
+    /// constant. If no source changes, returns the first nonzero one, otherwise the first.
     fn first<'s>(
         &mut self,
         sources: impl Iterator<Item = &'s Source>,
@@ -256,7 +255,8 @@ impl<'a> Search<'a> {
         if let Some((source, _)) = diverged.first() {
             self.warn_of_diverged(source, !logged.is_empty());
         }
-        // A log whose only position diverged is refused later, at the first number out of range.
+        // If the only position diverged, the log is rejected later, at the first number out of
+        // range.
         if logged.is_empty() {
             logged = diverged;
             logged.retain(|(source, _)| POSITION.iter().any(|p| p.1 == source.1));
@@ -293,9 +293,9 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Returns true if a quantity counts as logged. The quantity, and each motor, must change while
-    /// the drone moves. A nonzero setpoint may be constant, and so may a heading if pitch and roll
-    /// are zero.
+    /// Returns true if a quantity counts as logged. The quantity must change while the drone moves,
+    /// and so must each motor. A nonzero setpoint may be constant, and so may a heading if pitch
+    /// and roll are zero.
     fn is_logged(&mut self, quantity: Quantity, channels: &[Channel], moving_s: f64) -> bool {
         let active = channels.iter().map(active_s);
         let active_s = match quantity {
@@ -336,8 +336,8 @@ impl<'a> Search<'a> {
         false
     }
 
-    /// Returns the attitude from the position's source, or else from another source, from
-    /// quaternions, or from the yaw only.
+    /// Returns the attitude from the position's source or, in order of preference, from another
+    /// source, from quaternions, or from the yaw only.
     fn attitude(&mut self, truth: &[PositionSource]) -> Option<Vec<Channel>> {
         let (preferred, others): (Vec<_>, Vec<_>) =
             ATTITUDE.iter().partition(|source| truth.contains(&source.0));
@@ -365,7 +365,7 @@ impl<'a> Search<'a> {
             let yaw = self.recording.channel(&name)?;
             Some((name, source.2.first().copied().unwrap_or(1.0), yaw))
         })?;
-        // Assuming zero pitch and roll displaces the lamp by only millimeters.
+        // The assumption of zero pitch and roll displaces the lamp by only millimeters.
         yaw.values.iter_mut().for_each(|value| *value *= factor);
         let text = "of the attitude, only the yaw is logged";
         self.warn(YAW_ONLY, format!("{text} ({name}): the drone is assumed to be level"));
@@ -374,9 +374,9 @@ impl<'a> Search<'a> {
         Some(vec![yaw, level.clone(), level])
     }
 
-    /// Returns the angles of logged quaternions, if there are any.
+    /// Returns the angles of logged quaternions, if any.
     fn angles_from_quaternions(&mut self) -> Option<Vec<Channel>> {
-        // Compressed quaternions are the last choice, because their error is up to 0.1°.
+        // Compressed quaternions come last, because their error is up to 0.1°.
         let quaternions: Vec<(f64, [f64; 4])> =
             if let Some((_, parts)) = self.first(QUATERNIONS.iter()) {
                 let times_s = parts[0].time_s.iter().copied();
@@ -399,8 +399,7 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// Removes the positions (0, 0, 0) that a motion capture system writes for a lost body, which
-    /// are recognized by the jump.
+    /// Removes positions (0, 0, 0) that motion capture writes for a lost body, known by their jump.
     fn without_zeros(&mut self, mut channels: Vec<Channel>) -> Vec<Channel> {
         let [x, y, z] = &channels[..] else { return channels };
         if x.time_s != y.time_s || x.time_s != z.time_s {
@@ -409,7 +408,7 @@ impl<'a> Search<'a> {
         let positions_m: Vec<Vector3<f64>> = (0..x.values.len())
             .map(|i| Vector3::new(x.values[i], y.values[i], z.values[i]))
             .collect();
-        // Zeros belong to a lost body if the drone would have jumped to them or back from them.
+        // Zeros stand for a lost body if the drone would have jumped to them or back from them.
         let jumps = positions_m.windows(2).zip(x.time_s.windows(2)).map(|(pair_m, time_s)| {
             let apart_m = (pair_m[1] - pair_m[0]).norm();
             apart_m > LOST_M && apart_m > LOST_M_S * (time_s[1] - time_s[0])
@@ -462,16 +461,16 @@ fn active_s(channel: &Channel) -> f64 {
     first.zip(last).map_or(0.0, |(first, last)| channel.time_s[last + 1] - channel.time_s[first])
 }
 
-/// Decompresses a quaternion of `quatcompress.h` to w x y z. Two bits are the index (in x y z w) of
-/// the largest component, which is omitted. Each of the others has a sign bit and nine bits, in
-/// units of 1/√2 divided by 511.
+/// Decompresses a quaternion from `quatcompress.h` to w x y z. Two bits contain the index (in x y z
+/// w) of the largest component, which is omitted. Each of the others consists of a sign bit and
+/// nine bits, in units of 1/√2 divided by 511.
 fn decompressed(code: f64) -> [f64; 4] {
     const MASK: u32 = (1 << 9) - 1;
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
     let mut code = code as u32;
     let largest = (code >> 30) as usize;
     let (mut q, mut sum_sq) = ([0.0; 4], 0.0);
-    // The three components are stored in order, so that the last one is read first.
+    // The three components are stored in order, so the last one is extracted first.
     for i in (0..4).rev().filter(|&i| i != largest) {
         let sign = if code >> 9 & 1 == 1 { -1.0 } else { 1.0 };
         q[i] = sign * std::f64::consts::FRAC_1_SQRT_2 * f64::from(code & MASK) / f64::from(MASK);

@@ -11,25 +11,25 @@ const GLITCHES: &str = "position-glitches";
 /// Minimum step that counts as movement, m.
 const STEP_M: f64 = 1e-3;
 
-/// Minimum size of a glitch, m. Smaller steps may be fast because of errors in their times.
+/// Minimum size of a glitch, m. Smaller steps may seem fast because of errors in their times.
 const GLITCH_M: f64 = 0.2;
 
 /// Minimum acceleration of a spike, m/s², which no drone reaches. A spike is a single sample that
-/// leaves the path and returns.
+/// leaves the path, which then continues.
 const SPIKE_M_S2: f64 = 40.0;
 
 /// Minimum distance of a spike from the midpoint of its neighbors, m, and maximum distance between
-/// the neighbors, relative to it.
+/// the neighbors as a fraction of it.
 const SPIKE_M: f64 = 0.1;
 const RETURN_FRACTION: f64 = 0.5;
 
-/// Minimum number of fast steps that are not just glitches, and their minimum fraction of all
+/// Minimum number of fast steps that are not just glitches, and their minimum fraction among all
 /// moving steps.
 const MIN_FAST_STEPS: usize = 3;
 const MIN_FAST_FRACTION: f64 = 0.1;
 
-/// Refuses a position if many of its steps are too fast. Returns a warning if only a few are, or
-/// about spikes, and otherwise `None`.
+/// Returns an error if many steps of a position are too fast. Returns a warning if a few steps are,
+/// or about spikes, and otherwise `None`.
 pub(super) fn check(
     position: &[Channel],
     options: &ImportOptions,
@@ -51,7 +51,7 @@ pub(super) fn check(
     else {
         return Ok(spikes(position));
     };
-    // A few fast steps are glitches, and small ones are errors of the times.
+    // A few fast steps are glitches, and small ones result from errors in the times.
     let (n, most_m_s) = (fast.len(), options.max_speed_m_s);
     let seen = format!(
         "{n} of {n_moving} steps faster than {most_m_s} m/s (at {time_s:.2} s {fastest_m_s:.0} m/s)"
@@ -67,7 +67,7 @@ pub(super) fn check(
         .in_file(file, None))
 }
 
-/// Returns a warning if single samples leave the path and return at once.
+/// Returns a warning if single samples leave the path.
 fn spikes(position: &[Channel]) -> Option<Diagnostic> {
     let (mut n, mut first_s, mut farthest_m) = (0, f64::INFINITY, 0.0_f64);
     for channel in position {

@@ -1,9 +1,9 @@
-//! Subjects in titles: reads a position whose columns are named after a subject (`drone_x`,
+//! Subjects in titles: identifies a position whose columns are named after a subject (`drone_x`,
 //! `tracker_x`) or after compass directions (`PN`, `PE`, `PD`).
 //!
-//! Columns of a subject are read if no other column is a position and if exactly one known subject
-//! has all three of them. A table with several subjects, or an unknown one, is refused, because it
-//! would have no position.
+//! A subject's columns are read if no other column is a position and if exactly one known subject
+//! has all three of them. A table with several subjects, or with an unknown one, is refused,
+//! because its position would be missing.
 
 use std::collections::BTreeMap;
 
@@ -14,14 +14,14 @@ use super::titles::{Title, in_si_units};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{simplified, unit};
 
-/// Known subjects: names of vehicles, tracked bodies, and sources of positions.
+/// Known subjects: names of vehicles, tracked bodies, and position sources.
 const SUBJECTS: &str = "drone uav quad quadrotor quadcopter copter multirotor crazyflie cf vehicle \
     aircraft robot agent body base base_link baselink rigid_body rigidbody rb object tracker marker \
     center com cog odom odometry local local_position world pose measured measurement meas vicon \
     optitrack mocap qualisys vive lighthouse uwb lps dwm kalman ekf ekf2 filtered fused slam vio \
     state current position pos global self ego actual";
 
-/// Titles of positions by compass directions, with or without a unit, and their axes.
+/// Titles of positions in compass directions, with or without a unit, and their axes.
 const COMPASS: [(&str, Axes); 8] = [
     ("pn pe pd", Axes::ZDown),
     ("pos_n pos_e pos_d", Axes::ZDown),
@@ -33,10 +33,10 @@ const COMPASS: [(&str, Axes); 8] = [
     ("x_enu y_enu z_enu", Axes::ZUp),
 ];
 
-/// Units that may follow a compass direction. `north_m_s` is a velocity.
+/// Units that may follow a compass direction. In contrast, `north_m_s` is a velocity.
 const LENGTHS: &str = "m meter meters cm mm ft feet";
 
-/// Parts of names that indicate that a column is not a position.
+/// Parts of names which indicate that a column is not a position.
 const OTHERS: &str = "acc accel acceleration gyro gyr mag magnetometer magnetic vel velocity speed \
     linear angular rate rates omega force torque thrust target goal ref reference cmd command des \
     desired sp setpoint set error err bias cov covariance var variance std sigma imu quat rot wind \
@@ -44,15 +44,15 @@ const OTHERS: &str = "acc accel acceleration gyro gyr mag magnetometer magnetic 
 
 const POSITION: [&str; 3] = ["x_m", "y_m", "z_m"];
 
-/// Renames the columns of a position with a subject or compass directions, unless another column is
-/// already a position.
+/// Renames the columns of a position given by a subject or by compass directions, unless another
+/// column is already a position.
 pub(super) fn resolve(log: &mut Recording, columns: &mut [Column]) -> Result<()> {
     if POSITION.iter().any(|name| has(columns, name))
         || columns.iter().any(|column| is_position(&column.name))
     {
         return Ok(());
     }
-    // Compass directions come first, because they are less ambiguous than a subject.
+    // Compass directions are tried first, because they are less ambiguous than a subject.
     let renamed = match compass_position(columns) {
         Some((renamed, axes)) => {
             (log.axes, log.in_format) = (axes, Some("a table of north, east and down"));
@@ -83,12 +83,12 @@ pub(super) fn resolve(log: &mut Recording, columns: &mut [Column]) -> Result<()>
 /// Indices of columns, with their new titles.
 type Renamed = Vec<(usize, Title)>;
 
-/// Returns true if a column has this name.
+/// Returns true if there is a column with this name.
 fn has(columns: &[Column], name: &str) -> bool {
     columns.iter().any(|column| column.name == name)
 }
 
-/// Returns the columns of a position by compass directions, and its axes.
+/// Returns the columns of a position in compass directions, and its axes.
 fn compass_position(columns: &[Column]) -> Option<(Renamed, Axes)> {
     COMPASS.iter().find_map(|(names, axes)| {
         let parts = names.split(' ').zip(POSITION).map(|(direction, name)| {
@@ -103,8 +103,7 @@ fn compass_position(columns: &[Column]) -> Option<(Renamed, Axes)> {
     })
 }
 
-/// Returns the unit of a title that is a name with or without a unit of length. Returns `None` for
-/// other titles.
+/// Returns the unit of a title that is a name, optionally with a unit of length.
 fn unit_after(name: &str, title: &str) -> Option<Option<f64>> {
     let title = simplified(title);
     let rest = title.strip_prefix(name)?;
@@ -112,8 +111,8 @@ fn unit_after(name: &str, title: &str) -> Option<Option<f64>> {
     if rest.is_empty() { Some(None) } else { Some(unit(length?, false)) }
 }
 
-/// Returns the columns of the only known subject with a position, or none if no subject has a
-/// position. Several known subjects, or only unknown ones, are an error.
+/// Returns the columns of the only known subject with a position, or none if no subject has one.
+/// Several known subjects, or only unknown ones, are an error.
 fn subject_position(columns: &[Column]) -> Result<Renamed> {
     let mut subjects: BTreeMap<String, Renamed> = BTreeMap::new();
     for (index, column) in columns.iter().enumerate() {
@@ -121,7 +120,7 @@ fn subject_position(columns: &[Column]) -> Result<Renamed> {
             subjects.entry(subject).or_default().push((index, title));
         }
     }
-    // Another known subject counts as a second body even if only a part of its position is present.
+    // Another known subject counts as a second body even if only part of its position is present.
     subjects.retain(|subject, parts| {
         let n = n_coordinates(parts);
         n == POSITION.len() || n > 0 && is_known(subject)
@@ -150,7 +149,7 @@ fn is_known(subject: &str) -> bool {
     SUBJECTS.split(' ').any(|subject| subject == plain)
 }
 
-/// Returns the number of coordinates of a position among new titles.
+/// Returns the number of position coordinates among new titles.
 fn n_coordinates(parts: &[(usize, Title)]) -> usize {
     POSITION.iter().filter(|name| parts.iter().any(|(_, title)| title.name == **name)).count()
 }
@@ -160,7 +159,7 @@ fn n_coordinates(parts: &[(usize, Title)]) -> usize {
 fn split_subject(title: &str) -> Option<(String, Title)> {
     let signs = title.char_indices().skip(1);
     let mut breaks = signs.filter_map(|(place, sign)| {
-        // A separator is dropped, but a capital letter, as in droneX, is kept.
+        // A separator is dropped, but a capital letter is kept, as in droneX.
         let is_camel = sign.is_uppercase() && title[..place].ends_with(char::is_lowercase);
         let is_sign = "_./ :-".contains(sign);
         (is_camel || is_sign).then_some((place, place + usize::from(is_sign)))

@@ -1,10 +1,9 @@
-//! Titles of columns: determines the standard name and the unit for each usual title.
+//! Titles of columns: determines the standard name and the unit of each usual title.
 
 use super::recording::Column;
 use noctograph_core::files::{bracketed, simplified, unit};
 
-/// Letters, standard name and usual names of columns, in lower case and without unit. `*` stands
-/// for each of the letters.
+/// Letters, standard name and usual names of columns, without unit. `*` stands for a letter.
 const NAMES: [(&str, &str, &str); 18] = [
     (
         " ",
@@ -31,7 +30,7 @@ const NAMES: [(&str, &str, &str); 18] = [
     ("xyz", "*_design_m", "setpoint_* target_* des_* cmd_* *_desired desired_* *_reference"),
     ("xyz", "*_design_m", "*des *ref *sp *cmd *target *desired"),
     ("1234", "m*", "m* m_* motor* motor_* pwm* pwm_* m*_pwm"),
-    // The last pattern is for the empty title.
+    // The last pattern matches the empty title.
     (" ", "index", "index row "),
 ];
 
@@ -43,21 +42,21 @@ pub(super) struct Title {
     /// Standard name, or the unchanged title if it is unknown.
     pub(super) name: String,
     pub(super) is_known: bool,
-    /// Factor from the title's unit to SI units, if the title contains a unit.
+    /// Factor from the title's unit to SI units, if the title states a unit.
     pub(super) unit: Option<f64>,
-    /// Path before the name of the quantity.
+    /// Path before the quantity's name.
     pub(super) body: String,
-    /// Unknown unit in brackets, if there is one.
+    /// Unknown unit in brackets, if any.
     pub(super) other_unit: Option<String>,
 }
 
-/// Returns a column with the standard name of its title, in SI units if the title contains a unit.
+/// Returns a column under its title's standard name, in SI units if the title states a unit.
 pub(super) fn column_of(title: &str, values: Vec<f64>) -> Column {
     let Title { name, unit, .. } = Title::parse(title);
     in_si_units(name, unit, values)
 }
 
-/// Returns a column in SI units, from values in `unit` if the unit is known.
+/// Returns a column in SI units, converted from `unit` if that is known.
 pub(super) fn in_si_units(name: String, unit: Option<f64>, mut values: Vec<f64>) -> Column {
     let is_rate = name.starts_with('w') && name.ends_with("_body_rad_s");
     let is_open_angle = unit.is_none() && (is_rate || ANGLES.contains(&&*name));
@@ -65,8 +64,8 @@ pub(super) fn in_si_units(name: String, unit: Option<f64>, mut values: Vec<f64>)
     Column { name, values, is_open_angle, unknown: None }
 }
 
-/// Returns the standard name of a title, and the factor to SI units if the title contains a unit.
-/// An unknown title stays unchanged.
+/// Returns the standard name of a title, and the factor to SI units if the title states a unit. An
+/// unknown title is not changed.
 pub(super) fn meaning(title: &str) -> (String, Option<f64>) {
     let Title { name, unit, .. } = Title::parse(title);
     (name, unit)
@@ -118,22 +117,22 @@ impl Title {
     }
 }
 
-/// Splits a path to a quantity of a pose into the part before it and the quantity's name. Any other
-/// title stays unchanged, without a part before it.
+/// Splits a path to a quantity of a pose into the part before the quantity's name and the name. Any
+/// other title is not changed, and the part before it is empty.
 fn split_path(title: &str) -> (String, String) {
     let parts: Vec<&str> = title.split(['/', '.']).collect();
     if let [before @ .., group, axis] = &parts[..] {
         match &*group.to_lowercase() {
             "position" | "translation" => return (before.join("/"), format!("pos_{axis}")),
             "attitude" => return (before.join("/"), (*axis).to_owned()),
-            // Angles keep their names, such as the yaw that PlotJuggler computes.
+            // Angles keep their names, as in the yaw that PlotJuggler computes.
             "orientation" | "rotation"
                 if matches!(&*axis.to_lowercase(), "yaw" | "pitch" | "roll") =>
             {
                 return (before.join("/"), (*axis).to_owned());
             }
             "orientation" | "rotation" => return (before.join("/"), format!("q_{axis}")),
-            // The time of a message applies to all of its bodies.
+            // A message's time applies to all of its bodies.
             "header" => return (String::new(), format!("header_{axis}")),
             "stamp" => return (String::new(), format!("stamp_{axis}")),
             _ => {}

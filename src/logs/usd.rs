@@ -7,8 +7,8 @@
 //! crazyflie-firmware.
 //!
 //! A drone that is switched off while logging leaves an incomplete record and no CRC. The file is
-//! read up to that record, with a warning. A complete file that does not match its CRC is refused,
-//! except with [`Damaged::Recover`].
+//! then read up to that record, with a warning. A complete file whose CRC does not match is
+//! refused, except with [`Damaged::Recover`].
 
 use std::collections::BTreeMap;
 
@@ -25,7 +25,7 @@ const WRAP_V1_S: f64 = 4_294_967.296;
 const HINT: &str =
     "copy the file from the card again, or if it is still damaged, recover its intact part";
 
-/// Reads a µSD log, with a block for each event.
+/// Reads a µSD log, with one block per event type.
 pub(super) fn read(bytes: &[u8], job: Job<'_>) -> Result<Recording> {
     let Job { file, options, budget } = job;
     let mut cursor = Cursor { bytes, offset: 1, file };
@@ -34,7 +34,7 @@ pub(super) fn read(bytes: &[u8], job: Job<'_>) -> Result<Recording> {
         return Err(cursor.error(1, format_args!("version {version}"), "version 1 or 2"));
     }
     let mut events = cursor.header()?;
-    // If the CRC is right, its four bytes are not part of the records.
+    // If the CRC matches, its four bytes do not belong to the records.
     let body = &bytes[cursor.offset..];
     let is_crc_right = bytes.split_last_chunk::<4>().is_some_and(|(before, crc)| {
         before.len() >= cursor.offset && crc32fast::hash(before) == u32::from_le_bytes(*crc)
@@ -59,14 +59,14 @@ pub(super) fn read(bytes: &[u8], job: Job<'_>) -> Result<Recording> {
     Ok(log)
 }
 
-/// An event type with the records that have been read so far.
+/// An event type, and its records read so far.
 struct Event {
     decoders: Vec<Decoder>,
     n_bytes: usize,
     block: Block,
 }
 
-/// Work budget in steps for reading a number.
+/// Work budget in steps for reading one number.
 const STEPS: usize = 5;
 
 /// Reads records up to the first one that is incomplete or unknown. Returns the number of bytes
@@ -88,13 +88,13 @@ fn records(
             return Ok((offset, true, if rest.is_empty() { between } else { SHORT }.into()));
         };
         let id = u16::from_le_bytes(*id);
-        // Zeros are not a record, because the drone's counter is never zero. Zeros are clusters of
+        // Zeros are not a record, because the drone's counter is never zero. They are clusters of
         // the card that were allocated but never written.
         if id == 0 && rest.len() > 4 && offset >= zeros_from {
             return Ok((offset, true, "zeros up to the end: the log was cut off".into()));
         }
         let Some(event) = events.get_mut(&id) else {
-            // Four bytes that are not the start of a record are probably a CRC.
+            // Four bytes that do not begin a record are probably a CRC.
             let damage = match rest.len() {
                 4 => "the CRC does not match: the file was changed after it was written".to_owned(),
                 _ => format!("event {id}, which is not in the header"),
@@ -129,7 +129,7 @@ fn stamp_s(bytes: &[u8]) -> f64 {
 /// Number of bytes of a type, and the function that decodes them.
 type Decoder = (usize, fn(&[u8]) -> f64);
 
-/// Returns the decoder of a type that is given by its letter in Python's `struct`.
+/// Returns the decoder of a type, given by its letter in Python's `struct`.
 fn decoder(kind: &str) -> Option<Decoder> {
     macro_rules! decoder {
         ($type:ty, $number:expr) => {
@@ -156,7 +156,7 @@ fn decoder(kind: &str) -> Option<Decoder> {
     }
 }
 
-/// A reading position within a log.
+/// Reading position in a log.
 struct Cursor<'a> {
     bytes: &'a [u8],
     offset: usize,
@@ -164,7 +164,7 @@ struct Cursor<'a> {
 }
 
 impl Cursor<'_> {
-    /// Reads the header of a µSD log, and returns its events by number.
+    /// Reads the header of a µSD log, and returns its event types by id.
     fn header(&mut self) -> Result<BTreeMap<u16, Event>> {
         let n_events = self.u16("the number of event types")?;
         let (mut events, mut n_all) = (BTreeMap::new(), 0);
@@ -192,8 +192,8 @@ impl Cursor<'_> {
                     let wanted = "name(type) with a type of b B h H i I q Q e f d";
                     return Err(self.error(start, format!("{text:?}"), wanted));
                 };
-                // The name of a variable of the log table contains its group. Other variables get
-                // the event's name.
+                // The name of a variable in the log table includes its group. Other variables are
+                // prefixed with the event's name.
                 let full_name = if variable.contains('.') {
                     variable.to_owned()
                 } else {
@@ -210,7 +210,7 @@ impl Cursor<'_> {
         Ok(events)
     }
 
-    /// Reads two bytes. `wanted_item` describes them in the error.
+    /// Reads a two-byte number. `wanted_item` describes it in the error.
     fn u16(&mut self, wanted_item: &str) -> Result<u16> {
         let Some((number, _)) = self.bytes[self.offset..].split_first_chunk::<2>() else {
             return Err(self.error(self.offset, "the end of the file", wanted_item));
@@ -219,7 +219,7 @@ impl Cursor<'_> {
         Ok(u16::from_le_bytes(*number))
     }
 
-    /// Reads a text up to its zero byte. `wanted_item` describes it in the error.
+    /// Reads a text up to its terminating zero byte. `wanted_item` describes it in the error.
     fn text(&mut self, wanted_item: &str) -> Result<String> {
         let rest = &self.bytes[self.offset..];
         let Some(length) = rest.iter().take(256).position(|byte| *byte == 0) else {

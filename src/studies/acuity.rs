@@ -1,20 +1,19 @@
-//! Acuity: the smallest letters of a contender that are still read. An eye chart likewise asks for
-//! the smallest letters.
+//! Acuity: the smallest letters of a contender that are still read, measured as on an eye chart.
 //!
-//! In: a study. Every contender flies its words on a ladder of cap heights, with a narrow lamp.
-//! Each rung has separate seeds, the same for all contenders. Out: [`Acuity`].
+//! Product in: a study. Every contender flies the words with a narrow lamp at each cap height of a
+//! ladder. Each rung has seeds of its own, the same for all contenders. Product out: [`Acuity`].
 //!
-//! A flight counts the fraction of its letters that are read, as an eye chart is scored letter by
-//! letter (Bailey, Bullimore, Raasch, Taylor, Investigative Ophthalmology & Visual Science 32,
-//! 1991). If letters are read above a height and not below it, the mean fraction over the ladder is
-//! the fraction of rungs above that height (method of Spearman 1908 and Kärber 1931). So the mean
-//! and its interval give a height and its interval, without a model of how legibility falls. The
-//! ladder is a study with a stratum for each rung, and [`rank`] compares two contenders flight by
+//! A flight's score is the fraction of its letters that are read, as an eye chart is scored letter
+//! by letter (Bailey, Bullimore, Raasch, Taylor, Investigative Ophthalmology & Visual Science 32,
+//! 1991). If letters are read only above some height, the mean fraction over the ladder is the
+//! fraction of rungs above that height (method of Spearman 1908 and Kärber 1931). The mean and its
+//! interval therefore give a height and its interval, without a model of how legibility decreases.
+//! The ladder is a study with one stratum per rung, and [`rank`] compares two contenders flight by
 //! flight.
 //!
-//! A ladder of stroke speeds distinguishes less: how an E is distorted at 1.6 m/s depends on that
-//! speed, so that P(read) does not fall evenly (docs/benchmark.md). Not done: limits beyond the
-//! ladder.
+//! A ladder of stroke speeds distinguishes contenders less well, because the distortion of an E at
+//! 1.6 m/s depends on the speed itself and P(read) does not fall monotonically (docs/benchmark.md).
+//! Not done: limits beyond the ladder.
 
 use serde::Serialize;
 
@@ -27,58 +26,59 @@ use noctograph_pipeline::scene::Scene;
 use noctograph_pipeline::shoot::Stop;
 use noctograph_plan::Style;
 
-/// Number of rungs of the ladder.
+/// Number of rungs on the ladder.
 pub const RUNGS: u32 = 7;
-/// Cap height of the last rung, as a multiple of the scene's. 2 cm for letters of 0.5 m.
+/// Cap height of the last rung, as a multiple of the scene's cap height: 2 cm instead of 0.5 m.
 const LAST_TIMES: f64 = 0.04;
 /// Least cap height of the last rung, and least width of a letter's box in a scene.
 const LEAST_M: f64 = 0.02;
 const LEAST_BOX_M: f64 = 0.01;
 /// Octaves between two rungs: letters of 16 to 2 cm.
 const OCTAVES_PER_RUNG: f64 = 0.5;
-/// Diameter of the lamp, as a multiple of the smallest cap height: a LED of 3 mm for 2 cm.
+/// Lamp diameter, as a multiple of the smallest cap height: a 3 mm LED for 2 cm letters.
 const LAMP_TIMES: f64 = 0.15;
-/// Greatest distance of a rounded corner, as a multiple of the cap height: that of the scene, of 1
-/// cm for 0.5 m.
+/// Maximum distance of a rounded corner from the sharp one, as a multiple of the cap height. The
+/// value is the scene's ratio of 1 cm to 0.5 m.
 const CORNER_TIMES: f64 = 0.02;
-/// Slow strokes with hard corners tell most about a controller. At the acceleration of the scene,
-/// one with twice the lag of the motors writes as small as without.
+/// Factors for the scene's stroke speed, and for its acceleration and jerk. Slow strokes with sharp
+/// corners reveal most about a controller. At the scene's own acceleration, a controller whose
+/// motors have twice the lag writes equally small letters.
 const SPEED_TIMES: f64 = 0.5;
 const ACCELERATION_TIMES: f64 = 4.0;
-/// Greatest acceleration and jerk of a plan.
+/// Maximum acceleration and jerk of a plan.
 const MOST_M_S2: f64 = 100.0;
 const MOST_M_S3: f64 = 10_000.0;
 
-/// How small the contenders of a study write, the smallest first.
+/// Smallest letters of the contenders in a study, with the smallest first.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Acuity {
-    /// One for each contender.
+    /// Limits, one for each contender.
     pub limits: Vec<HeightLimit>,
     /// All pairs of contenders, compared by the mean fraction of their letters over the ladder.
     pub pairs: Vec<Pair>,
 }
 
-/// The limit of a contender.
+/// Smallest cap height of one contender.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct HeightLimit {
-    /// Its name.
+    /// Name of the contender.
     pub contender: String,
-    /// Its place, 1 for the smallest letters, as in a ranking.
+    /// Rank of the contender, 1 for the smallest letters.
     pub place: Option<usize>,
-    /// Flights on the whole ladder.
+    /// Number of flights on the whole ladder.
     pub n_flights: usize,
-    /// Cap height at which half of its letters are read.
+    /// Cap height at which half of the letters are read.
     pub cap_height_m: Estimate,
     /// Fraction of letters that are read on each rung.
     pub rungs: Vec<Rung>,
 }
 
-/// A rung of the ladder.
+/// One rung of the ladder.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Rung {
-    /// Height of its capitals.
+    /// Cap height of the rung.
     pub cap_height_m: f64,
-    /// Mean probability of the letters.
+    /// Mean probability with which a letter is read.
     pub letters_read: f64,
 }
 
@@ -93,7 +93,7 @@ impl Study {
         let last_m = (LAST_TIMES * least(|scene| scene.letters.cap_height_m)).max(LEAST_M);
         let speed_m_s = SPEED_TIMES * least(|scene| scene.plan.stroke_speed_m_s);
         let rungs = (0..RUNGS).map(|rung| {
-            // Each rung has other seeds, so that rungs are independent.
+            // Each rung has different seeds, so that rungs are independent.
             let mut study = Self { seed: self.seed ^ u64::from(rung + 1) << 40, ..self.clone() };
             let cap_height_m = last_m * libm::exp2(OCTAVES_PER_RUNG * f64::from(RUNGS - 1 - rung));
             for scene in study.contenders.iter_mut().map(|named| &mut named.scene) {
@@ -106,7 +106,7 @@ impl Study {
     }
 }
 
-/// Scales the letters of a scene to a cap height, and sets how they are flown.
+/// Scales a scene's letters to a cap height, and sets the speed and the sharpness of their strokes.
 fn shrink(scene: &mut Scene, cap_height_m: f64, speed_m_s: f64) {
     let letters = &mut scene.letters;
     let scale = cap_height_m / letters.cap_height_m;
@@ -124,7 +124,8 @@ fn shrink(scene: &mut Scene, cap_height_m: f64, speed_m_s: f64) {
     }
 }
 
-/// Gives a scene one lamp, on the middle of the drone, and a camera that is set up for the word.
+/// Replaces a scene's lamps by one at the middle of the drone, and resets the camera's framing and
+/// metering to those chosen for each word.
 fn narrow_lamp(scene: &mut Scene, diameter_m: f64) {
     let headlight = Deck::LedRing.fixtures().swap_remove(0);
     let [x, _, z] = headlight.position_body_m;
@@ -141,15 +142,15 @@ fn narrow_lamp(scene: &mut Scene, diameter_m: f64) {
     };
 }
 
-/// Flies the rungs of a [`Study::ladder`] as [`evaluate`] does, and returns the records of each.
-/// `prepared` has the result of [`Study::prepare`] for each rung.
+/// Flies each rung of a [`Study::ladder`] as [`evaluate`] does, and returns the records by rung.
+/// `prepared` contains the results of [`Study::prepare`] by rung.
 pub fn fly_ladder(
     ladder: &[Study],
     prepared: &[Vec<Prepared>],
     store: Option<&Store>,
     done: &(dyn Fn(usize) + Sync),
 ) -> Result<Vec<Vec<Record>>> {
-    // One rung after the other, with one count of flights.
+    // The rungs are flown in turn, and `done` counts the flights of all rungs.
     let (mut n_done, stop) = (0, Stop::default());
     let rungs = ladder.iter().zip(prepared).map(|(study, prepared)| {
         let trials: Vec<_> = study.trials().collect();
@@ -160,9 +161,9 @@ pub fn fly_ladder(
     rungs.collect()
 }
 
-/// Returns the limits of contenders, from the records of each rung of a [`Study::ladder`].
+/// Returns the limits of the contenders, given the records of each rung of a [`Study::ladder`].
 pub fn acuity(ladder: &[Study], records: &[Vec<Record>]) -> Acuity {
-    // One study with a stratum for each rung. Its records come contender by contender.
+    // The rungs become strata of a single study, whose records are sorted by contender.
     let contenders = &ladder[0].contenders;
     let mut by_contender = records.concat();
     by_contender.sort_by_key(|record| contenders.iter().position(|c| c.name == record.contender));
@@ -193,7 +194,7 @@ pub fn acuity(ladder: &[Study], records: &[Vec<Record>]) -> Acuity {
 }
 
 /// Returns the limit by Spearman and Kärber: the first `n · fraction` of n rungs are read, and the
-/// limit is half a rung beyond the last of these.
+/// limit is half a rung below the last of these.
 fn limit_m(first_rung_m: f64, share: Estimate) -> Estimate {
     let [value, low, high] = [share.value, share.high, share.low].map(|share| {
         first_rung_m * libm::exp2(OCTAVES_PER_RUNG * (0.5 - share * f64::from(RUNGS)))
@@ -213,7 +214,7 @@ mod tests {
         Study { contenders: contenders.into(), words, conditions: Conditions::still(), seed: 1 }
     }
 
-    /// Records of contenders whose letters are read down to a height, each with a soft edge.
+    /// Returns records of contenders whose probability of being read falls smoothly around a limit.
     fn records(study: &Study, limits_m: [f64; 2]) -> Vec<Record> {
         let records = study.trials().map(|trial| {
             let cap_height_m = study.contenders[trial.contender].scene.letters.cap_height_m;

@@ -5,7 +5,7 @@
 
 use std::path::{Path, PathBuf};
 
-/// Paths relative to this crate: the crates that determine an outcome, the fonts and the shaders.
+/// Folders that determine an outcome, relative to this crate: crates, fonts and shaders.
 const FOLDERS: [&str; 10] = [
     "../core",
     "../letters",

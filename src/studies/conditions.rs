@@ -1,10 +1,10 @@
-//! Conditions: how much the real drone differs from its scene in each flight.
+//! Conditions: random differences between the actual drone and its scene.
 //!
-//! A controller is designed for the scene. The drone that flies departs from the scene, differently
-//! for each seed and drone. Departures are constant during a flight, and only gusts and sensor
-//! noise vary within it. The same seed draws the same departures under every controller (common
-//! random numbers). Each factor has a separate random stream, so that adding a factor changes no
-//! other.
+//! A controller is designed for the scene, but the actual drone differs from the scene, by amounts
+//! that depend on the seed and the drone. The differences are constant during a flight, except for
+//! gusts and sensor noise. The same seed draws the same differences under every controller (common
+//! random numbers). Each factor has its own random stream, so adding one does not change the
+//! others.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -22,8 +22,8 @@ use noctograph_sim::SimOptions;
 use noctograph_sim::sensors::LighthouseOptions;
 use noctograph_sim::vehicle::{GustOptions, Gusts, VehicleOptions};
 
-/// Drag of a Crazyflie 2.1 in N/(m/s) (crazyflow's `cf2x_L250`). Flights in gusts use this drag if
-/// the scene has none.
+/// Drag of a Crazyflie 2.1 in N/(m/s) (crazyflow's `cf2x_L250`). Used for flights in gusts if the
+/// scene specifies no drag.
 const DRAG_N_S_M: [f64; 3] = [0.014_72, 0.014_72, 0.012_78];
 
 /// Mean time between the starts of two radio outages.
@@ -33,88 +33,88 @@ pub(super) const OUTAGE_EVERY_S: f64 = 10.0;
 pub(super) const ROOM_GUST_M_S: f64 = 0.08;
 
 settings! {
-    /// How much flights differ from their scene. A value of 0 leaves a factor as the scene has it.
-    /// The default, `room`, is an ordinary room, and a drone whose mass and trim the scene knows.
-    /// [`Self::any_drone`] is any drone of the same make.
+    /// Conditions: widths of the differences between flights and their scene. A width of 0 keeps
+    /// the scene's value. The default, `room`, is an ordinary room with a drone whose mass and trim
+    /// are known. [`Self::any_drone`] is an arbitrary drone of the same model.
     ///
-    /// The widths below were chosen on the reference flight, to which mass and trim were fitted.
-    /// The 90 % band of 40 replays under `room` contains that flight 87 to 97 % of the time on each
-    /// axis (`tests/it/team_data.rs`), and with noise and gusts only, 64 to 87 %. The band contains
-    /// nine tenths of other flights under PID, and less in y without an integral term
-    /// (`docs/model.md`).
+    /// The widths below were chosen on the reference flight, to which mass and trim were fitted. On
+    /// each axis, the 90 % band of 40 replays under `room` contains that flight 87 to 97 % of the
+    /// time (`tests/it/team_data.rs`), compared with 64 to 87 % if only noise and gusts vary. The
+    /// band contains nine tenths of other flights under PID, and less in y under a controller
+    /// without an integral term (`docs/model.md`).
     pub struct Conditions {
-        /// Mass: standard deviation as a fraction of the scene's mass. The default is 0.5 g of 35
-        /// g, for tape or a different battery.
+        /// Mass: standard deviation as a fraction of the scene's mass. The default, 0.5 g of 35 g,
+        /// allows for tape or a different battery.
         mass_frac: f64 = 0.015, in 0.0..=1.0;
-        /// Center of mass along body x and y: standard deviation, m. A battery of 7 g slides half a
-        /// millimeter in its holder. Unequal motors act the same way: 3 % corresponds to 0.5 mm.
+        /// Center of mass along body x and y: standard deviation, m. A 7 g battery can slide half a
+        /// millimeter in its holder. Motors that differ by 3 % have the effect of 0.5 mm.
         center_of_mass_m: f64 = 0.1e-3, in 0.0..=0.1;
         /// Moments of inertia: standard deviation as a fraction of the scene's values. Published
-        /// values for one drone differ by a fifth.
+        /// values for the same drone differ by a fifth.
         inertia_frac: f64 = 0.1, in 0.0..=2.0;
-        /// Additional time constant of the rotors, uniform from 0 to this, s. The default is the
-        /// lower half of the published range (0.02 to 0.14 s), which gains that were flown
-        /// tolerate.
+        /// Additional time constant of the rotors, uniform from 0 to this, s. The default covers
+        /// the lower half of the published range (0.02 to 0.14 s), which the flown gains tolerate.
         motor_lag_s: f64 = 0.05, in 0.0..=5.0;
         /// Standard deviation, m, of a position error that varies smoothly over the room, in
-        /// addition to the scene's. The error is distortion if `sensors.positioning` is `position`,
-        /// and is caused by misplaced stations with Lighthouse. The default is half of the 13 mm
-        /// rms in Bitcraze's `positioning_dataset`.
+        /// addition to the scene's. With `sensors.positioning` = `position` the error is a
+        /// distortion. With Lighthouse it results from misplaced stations. The default is half of
+        /// the 13 mm rms in Bitcraze's `positioning_dataset`.
         lighthouse_distortion_m: f64 = 0.007, in 0.0..=10.0;
         /// Standard deviation of the rotation of the Lighthouse's frame about each axis, rad, and
         /// of the error of its scale. When the geometry is estimated (cflib,
         /// `multi_bs_geometry_estimation.py`), the drone is placed by hand at the origin, one meter
-        /// along the x-axis, and on the floor. Each placement has an error of 7.5 mm, the
-        /// distortion in that data set, which makes 0.0075 √2 of a meter. The data set itself was
-        /// first rotated onto its reference, so that it does not contain this error.
+        /// along the x-axis, and on the floor. The assumed error of each placement is 7.5 mm, the
+        /// distortion in that data set, which gives 0.0075 √2 over one meter. The data set itself
+        /// was aligned with its reference and does not contain this error.
         lighthouse_frame_frac: f64 = 0.01, in 0.0..=0.2;
-        /// Additional moment of the air per airspeed, uniform from 0 to this, N m/(m/s). The moment
-        /// pitches the drone up against its motion. The default is the value in the log of the
-        /// reference flight ([`noctograph_sim::vehicle::VehicleOptions::airspeed_moment_n_s`]).
-        /// Other drones have not been measured.
+        /// Additional aerodynamic moment per unit airspeed, uniform from 0 to this, N m/(m/s). The
+        /// moment pitches the drone up against its motion. The default was identified from the log
+        /// of the reference flight
+        /// ([`noctograph_sim::vehicle::VehicleOptions::airspeed_moment_n_s`]). Other drones have
+        /// not been measured.
         airspeed_moment_n_s: f64 = 4.7e-4, in 0.0..=10.0;
         /// Gusts: standard deviation, m/s (Ornstein–Uhlenbeck). The default is that of a ventilated
-        /// room. Stronger gusts of the scene stay as they are. Uneven air rotates the drone in
-        /// proportion to the gusts, as measured at 0.08 m/s.
+        /// room. Stronger gusts in the scene are kept. Uneven air rotates the drone in proportion
+        /// to the gusts, based on a measurement at 0.08 m/s.
         gust_m_s: f64 = 0.08, in 0.0..=30.0;
         /// Additional delay of the light commands, uniform from 0 to this, s. The default is one
         /// repeated radio packet.
         led_delay_s: f64 = 0.05, in 0.0..=5.0;
-        /// Charge that the battery has lost, as a fraction, uniform from 0 to this.
+        /// Charge already drawn from the battery, as a fraction, uniform from 0 to this.
         charge_used_frac: f64 = 0.33, in 0.0..=1.0;
-        /// Mean duration of a radio outage, s, with one outage in 10 s (`[radio]`). 0: no outages.
-        /// At the value of `evening` the longest of the six outages in a minute lasts 0.73 s, as in
-        /// the log of the reference flight.
+        /// Mean duration of a radio outage, s, at an average of one outage every 10 s (`[radio]`).
+        /// 0 means no outages. At the value in `evening`, the longest of six outages per minute
+        /// lasts 0.73 s on average, as in the log of the reference flight.
         radio_outage_s: f64 = 0.0, in 0.0..=100.0;
         /// Heading drift of the gyroscope: standard deviation, rad/s. Only a magnetometer or a deck
-        /// that measures directions could correct it. The value of `evening` is 0.015 °/s/K (data
-        /// sheet of the BMI088) times 10 K from calibration to flight.
+        /// that measures directions could correct the drift. The value in `evening` is 0.015 °/s/K
+        /// (data sheet of the BMI088) times 10 K from calibration to flight.
         yaw_drift_rad_s: f64 = 0.0, in 0.0..=1.0;
-        /// Fraction of its thrust that one motor loses, uniform from 0 to this. The value of
-        /// `evening` is a millimeter missing from one of two blades of 23 mm, which costs `(1 −
-        /// (22/23)³) / 2`, because a blade's lift grows with r². Small faults begin at 5 % of a
-        /// blade's length (Baldini et al. 2026, doi 10.1007/s10846-026-02369-x).
+        /// Fraction of its thrust that one motor loses, uniform from 0 to this. The value in
+        /// `evening` corresponds to a millimeter missing from one of two 23 mm blades, which costs
+        /// `(1 − (22/23)³) / 2`, because a blade's lift grows with r². Small faults begin at 5 % of
+        /// a blade's length (Baldini et al. 2026, doi 10.1007/s10846-026-02369-x).
         motor_loss_frac: f64 = 0.0, in 0.0..=1.0;
-        /// Age of the battery, uniform from 0 to this. At age 1 it has 80 % of its capacity, at
-        /// which cells are retired (USABC, Electric Vehicle Battery Test Procedures Manual, 1996).
-        /// Such a battery fails the firmware's test, with a sag of 0.70 V
-        /// (`BAT_LOADING_SAG_THRESHOLD`, firmware pull request 1192) under motors at 61 %
-        /// (`HEALTH_BRUSHED_BAT_ON_PERIOD_PWM_RATIO`, 40000). The scene's resistance causes a sag
-        /// of 0.57 V at that load, which is hovering.
+        /// Age of the battery, uniform from 0 to this. At age 1 the battery retains 80 % of its
+        /// capacity, at which cells are retired (USABC, Electric Vehicle Battery Test Procedures
+        /// Manual, 1996). Such a battery fails the firmware's test: its voltage sags by 0.70 V
+        /// (`BAT_LOADING_SAG_THRESHOLD`, firmware pull request 1192) with the motors at 61 %
+        /// (`HEALTH_BRUSHED_BAT_ON_PERIOD_PWM_RATIO`, 40000). At that load, which is hovering, the
+        /// scene's resistance causes a sag of 0.57 V.
         battery_age: f64 = 0.0, in 0.0..=1e3;
     }
 }
 
 impl Conditions {
-    /// Returns the conditions `drone`: an ordinary room, and any drone of the scene's make. The
-    /// drone's mass differs by 1 g of 35 g, and its motors differ by 3 %, half of the difference
-    /// that follows from the reference flight's trim.
+    /// Returns the conditions `drone`: an ordinary room, and an arbitrary drone of the scene's
+    /// model. The standard deviations are 1 g of 35 g for the mass, and 3 % for the motors, half of
+    /// the difference inferred from the reference flight's trim.
     pub fn any_drone() -> Self {
         Self { mass_frac: 0.03, center_of_mass_m: 0.5e-3, ..Self::default() }
     }
 
-    /// Returns the conditions `evening`: an ordinary room with many people and worn drones, with
-    /// faults of radio, heading, propellers and batteries.
+    /// Returns the conditions `evening`: an ordinary room with many people, and worn drones with
+    /// faults in radio, heading, propellers and batteries.
     pub fn evening() -> Self {
         Self {
             radio_outage_s: 0.3,
@@ -129,7 +129,7 @@ impl Conditions {
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Input`] for another name, and the errors of the file.
+    /// Returns [`Error::Input`] for an unknown name, and the errors of the file.
     pub fn find(named: &str) -> Result<Self> {
         type Constructor = fn() -> Conditions;
         let by_name: [(&str, Constructor); 4] = [
@@ -141,7 +141,7 @@ impl Conditions {
         if let Some((_, constructor)) = by_name.iter().find(|(name, _)| *name == named) {
             return Ok(constructor());
         }
-        // A name in the table takes precedence over a file of the same name.
+        // A name in the table takes precedence over a file with the same name.
         if Path::new(named).exists() {
             let hint = "leave out keys that are not conditions";
             let limit = Limit { bytes: 1 << 20, what: "conditions", hint };
@@ -152,7 +152,7 @@ impl Conditions {
         Err(Error::input("conditions", named, names.join(", ") + ", or a TOML file", hint))
     }
 
-    /// Returns conditions under which a flight differs from its scene only in noise.
+    /// Returns conditions under which a flight differs from its scene only by noise.
     pub fn still() -> Self {
         let keys = Self::SHAPE.settings().iter();
         let zeros: toml::Table = keys.map(|setting| (setting.key.to_owned(), 0.0.into())).collect();
@@ -163,7 +163,7 @@ impl Conditions {
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Input`] with the key that is out of range.
+    /// Returns [`Error::Input`] that names the key with a value out of range.
     pub fn check(&self) -> Result<()> {
         Described::check(self, "", None)
     }
@@ -192,7 +192,7 @@ impl Conditions {
         Ok(conditions)
     }
 
-    /// Draws the actual drone and lamps of one flight, from a seed and the drone's index.
+    /// Draws the actual drone and lamps for one flight, given a seed and the drone's index.
     pub fn draw(&self, scene: &Scene, seed: u64, drone: u64) -> Actual {
         let chance = FlightDraw { seed, drone };
         let (mut sim, mut light) = (scene.sim(), scene.light.clone());
@@ -219,10 +219,10 @@ impl Conditions {
         Actual { sim, light }
     }
 
-    /// Draws mass, center of mass, inertia, rotor lag, moment of the air, and one weak propeller.
+    /// Draws mass, center of mass, inertia, rotor lag, aerodynamic moment, and a weak propeller.
     fn draw_body(&self, body: &mut VehicleOptions, chance: &FlightDraw) {
         body.mass_kg *= (1.0 + self.mass_frac * chance.factor("mass").normal()).max(0.1);
-        // At least a tenth of the mass and of each moment of inertia remains.
+        // The mass and each moment of inertia are kept above a tenth of the scene's values.
         let mut center = chance.factor("center of mass");
         for center_m in &mut body.center_of_mass_m {
             *center_m += self.center_of_mass_m * center.normal();
@@ -240,7 +240,7 @@ impl Conditions {
         let lost_frac = self.motor_loss_frac * propeller.uniform();
         #[expect(clippy::cast_possible_truncation, reason = "0 to 3")]
         let motor = (4.0 * propeller.uniform()) as usize;
-        // The fraction of thrust that remains is the product of the scene's and of this draw's.
+        // The remaining fraction of thrust is the product of the scene's and the drawn one.
         let loss_frac = &mut body.motor_loss_frac[motor];
         *loss_frac = 1.0 - (1.0 - *loss_frac) * (1.0 - lost_frac);
     }
@@ -250,7 +250,7 @@ impl Conditions {
         for error_m in [&mut sensors.distortion_m, &mut sensors.station_position_error_m] {
             *error_m = libm::hypot(*error_m, self.lighthouse_distortion_m);
         }
-        // All drones in a room use one frame, so that it is drawn for drone 0.
+        // All drones in a room have a common frame, so it is drawn as for drone 0.
         let mut frame = FlightDraw { drone: 0, ..*chance }.factor("lighthouse frame");
         for turn_rad in &mut sensors.frame_turn_rad {
             *turn_rad += self.lighthouse_frame_frac * frame.normal();
@@ -272,7 +272,7 @@ impl Conditions {
         gusts.sigma_m_s = gusts.sigma_m_s.map(|sigma_m_s| sigma_m_s.max(self.gust_m_s));
         sim.air.gusts = Gusts::OrnsteinUhlenbeck(gusts);
         if sim.vehicle.body_drag_n_s_m == [0.0; 3] {
-            // The drag is proportional to the gusts, so that both vanish together.
+            // The drag is scaled with the gusts, so that both vanish together.
             let fraction = (self.gust_m_s / ROOM_GUST_M_S).min(1.0);
             sim.vehicle.body_drag_n_s_m = DRAG_N_S_M.map(|drag| drag * fraction);
         }
@@ -297,12 +297,12 @@ impl FlightDraw {
 struct Stream(ChaCha8Rng);
 
 impl Stream {
-    /// Draws a number uniformly from `[0, 1)`.
+    /// Draws a uniformly distributed number from `[0, 1)`.
     fn uniform(&mut self) -> f64 {
         self.0.random()
     }
 
-    /// Draws a normal number with mean 0 and variance 1 (Box, Muller 1958).
+    /// Draws a normally distributed number with mean 0 and variance 1 (Box, Muller 1958).
     fn normal(&mut self) -> f64 {
         let radius = (-2.0 * libm::log(1.0 - self.uniform())).sqrt();
         radius * libm::cos(TAU * self.uniform())

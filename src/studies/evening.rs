@@ -1,13 +1,13 @@
-//! Evening: identifies the drones and the air from the logs of an evening's flights, and derives
-//! [`super::Conditions`] from them.
+//! Evening: identifies drones and air from an evening's logs, and derives [`super::Conditions`].
 //!
-//! In: a folder of logs, and the drone of a scene, because logs do not contain the mass. Out: a row
-//! for each log, with its figures and flaws, and the widths of conditions. Each log is identified
-//! separately ([`identify`]). The identified thrust per command is relative to the weight, so that
-//! a heavy drone and a weak drone look the same.
+//! Product in: a folder of logs, and the drone of a scene, because logs do not contain the mass.
+//! Product out: a row for each log, with its figures and flaws, and the widths of conditions. Each
+//! log is identified separately ([`identify`]). The thrust per command is identified relative to
+//! the weight, so a heavy drone cannot be told from a weak one.
 //!
-//! Not identified: distortion and rotation of the Lighthouse's frame, which need a second source of
-//! positions, moments of inertia, delay of the lamps, charge and age of the battery.
+//! Not identified: moments of inertia, the delay of the lamps, the charge and age of the battery,
+//! and the distortion and rotation of the Lighthouse frame, which require another source of
+//! positions.
 
 use std::collections::HashMap;
 use std::fmt;
@@ -31,23 +31,21 @@ use noctograph_pipeline::preflight::MAX_SATURATED_S;
 use noctograph_pipeline::scene::Scene;
 use noctograph_sim::vehicle::GustOptions;
 
-/// Minimum sample rate of a flight that is read from a log. A command that appears 5 ms late makes
-/// the lag look 20 ms shorter.
+/// Minimum sample rate of an import. A command 5 ms late makes the lag look 20 ms shorter.
 const LEAST_RATE_HZ: f64 = 500.0;
-/// Minimum time in the air of a flight that is used. The error of the trim decreases with the
-/// square root of this time.
+/// Minimum time in the air for a usable flight. The error of the trim decreases with the square
+/// root of this time.
 const LEAST_AIR_S: f64 = 10.0;
 /// Maximum fraction of a flight that may be missing from its log.
 const MAX_MISSING_FRAC: f64 = 0.1;
-/// Minimum strength of the gusts in a log. The noise of any real sensor looks like stronger gusts.
+/// Minimum strength of the gusts in a log. Even sensor noise appears as stronger gusts.
 const LEAST_GUST_M_S: f64 = 1e-6;
 /// Minimum number of flights from which a spread is computed.
 const LEAST_FLIGHTS: usize = 3;
-/// Standard deviation of an evening's mean ratio of thrust to weight, because of an error that is
-/// common to all flights. In nine simulated flights of known thrust the error was below three
-/// standard deviations.
+/// Standard deviation of the common error in the thrust-to-weight ratios of an evening's flights.
+/// In nine simulated flights with known thrust the error was below three standard deviations.
 const THRUST_SIGMA_FRAC: f64 = 0.0023;
-/// Maximum size of an evening's logs: thirty flights of ten minutes, fifty variables at 100 Hz.
+/// Maximum size of an evening's logs: thirty ten-minute flights with fifty variables at 100 Hz.
 const LOGS_LIMIT: Limit = Limit {
     bytes: 512 << 20,
     what: "the logs of an evening",
@@ -60,23 +58,23 @@ const AT_ONCE: usize = 3;
 /// The logs in a folder.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Evening {
-    /// Rows of the logs, one for each flight, sorted by drone and then by log, with 2 before 10.
+    /// Rows of the logs, one per flight, sorted by drone, then by log, with numbers sorted by
+    /// value.
     pub logs: Vec<EveningLog>,
 }
 
-/// A log with its flaws and the figures of its flight.
+/// A log, its flaws, and the figures of its flight.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct EveningLog {
     /// Name of the drone that wrote the log.
     pub drone: String,
     /// Path of the log within the folder.
     pub log: String,
-    /// Reasons not to use the log, empty for a valid log.
+    /// Reasons to reject the log, empty for a valid log.
     pub flaws: Vec<Flaw>,
     /// Figures of the drone. `None` if nothing can be identified.
     pub figures: Option<LogFigures>,
-    /// Warnings about guesses, repairs and omissions while the log was read. The JSON output
-    /// contains them as full sentences.
+    /// Warnings about guesses, repairs and omissions, which the JSON contains as full sentences.
     #[serde(serialize_with = "sentences")]
     pub warnings: Vec<Diagnostic>,
 }
@@ -89,21 +87,21 @@ fn sentences<S: Serializer>(
     serializer.collect_seq(warnings.iter().map(ToString::to_string))
 }
 
-/// A reason not to use a log.
+/// Reason to reject a log.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Flaw {
-    /// The log is the same file as this other log: a link, or another name for it.
+    /// The log is the same file as this other log, under a link or a second name.
     Again(String),
     /// The log cannot be read, for this reason.
     Unreadable(String),
     /// Nothing can be identified, for this reason, such as a drone that stays on the floor.
     Silent(String),
-    /// The drone is in the air for too short a time, in seconds.
+    /// The airborne time, in seconds, is too short.
     Short(f64),
     /// Too large a fraction of the flight is missing.
     Gaps(f64),
-    /// A motor is at its limit for too long, in seconds.
+    /// A motor is saturated for too long, in seconds.
     Saturated(f64),
     /// The drone never rotates, because all rows repeat the same values.
     Frozen,
@@ -130,22 +128,22 @@ pub struct LogFigures {
     pub air_s: f64,
     /// Duration of the longest gap in the log.
     pub longest_gap_s: f64,
-    /// Thrust per command and weight, as a fraction of the scene's value.
+    /// Thrust per command and per unit weight, as a fraction of the scene's value.
     pub thrust_frac: f64,
     /// Center of mass along body x and y.
     pub trim_m: [f64; 2],
-    /// Standard deviation of the trim that uneven air causes. `None` if the flight is too short.
+    /// Standard deviation of the trim due to uneven air. `None` if the flight is too short.
     pub trim_sigma_m: Option<[f64; 2]>,
     /// Lag of the rotors. `None` if it cannot be identified from the log.
     pub lag_s: Option<f64>,
     /// Standard deviation of the lag.
     pub lag_sigma_s: Option<f64>,
-    /// Standard deviation of gusts that would rotate the drone as much as the air did. `None` if
-    /// the flight is too short.
+    /// Standard deviation of gusts that would rotate the drone as much as the air actually did.
+    /// `None` if the flight is too short.
     pub gust_m_s: Option<f64>,
 }
 
-/// Width of a condition, with the figures from which it was derived.
+/// Width of a condition, and the figures from which it was derived.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FoundCondition {
     /// Key in [`super::Conditions`].
@@ -156,8 +154,8 @@ pub struct FoundCondition {
     pub from: String,
 }
 
-/// Mean figures of the valid flights, with which a scene flies such a drone. A mean within three
-/// standard deviations of the scene's value is replaced by the scene's value.
+/// Mean figures of the valid flights, to be entered in a scene. A mean within three standard
+/// deviations of the scene's value is replaced by the scene's value.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct MeanDrone {
     /// Thrust of a motor per unit of its command, for the scene's mass.
@@ -169,13 +167,13 @@ pub struct MeanDrone {
 }
 
 impl Evening {
-    /// Reads and identifies the logs in a folder ([`logs_in`]). Calls `done` with the number of
-    /// logs that are finished.
+    /// Identifies the logs in a folder ([`logs_in`]). Calls `done` with the number of finished
+    /// logs.
     ///
     /// # Errors
     ///
-    /// Returns the errors of [`logs_in`], and of options out of range. A log that cannot be read is
-    /// not an error, and its row has a flaw.
+    /// Returns the errors of [`logs_in`], and errors for options out of range. A log that cannot be
+    /// read is not an error but a flaw in its row.
     pub fn import(
         folder: &Path,
         options: &ImportOptions,
@@ -193,7 +191,7 @@ impl Evening {
             first_names.extend(log.path.canonicalize().map(|file| (file, log.name.as_str())));
         }
         let mut rows: Vec<EveningLog> = Vec::new();
-        // Only a few logs are read at a time, which limits the memory.
+        // Only a few logs are read at a time, which limits memory use.
         for at_once in logs.chunks(AT_ONCE) {
             rows.par_extend(at_once.par_iter().map(|log| {
                 let first = log.path.canonicalize().ok().and_then(|file| first_names.get(&file));
@@ -227,7 +225,7 @@ impl Evening {
         let thrust_frac = mean(self.sound().map(|f| f.thrust_frac));
         let center_of_mass_m = [0, 1].map(|axis: usize| {
             let trim_m = mean(self.sound().map(|f| f.trim_m[axis]));
-            // Standard error of the mean. A flight without a sigma gets the average variance.
+            // Standard error of the mean, with the average variance for a flight without a sigma.
             let sigmas_m = self.sound().filter_map(|f| Some(f.trim_sigma_m?[axis]));
             let variance_m2 = mean(sigmas_m.map(|sigma_m| sigma_m * sigma_m));
             let sigma_m = (variance_m2 / self.sound().count() as f64).sqrt();
@@ -241,20 +239,21 @@ impl Evening {
     }
 
     /// Returns the widths of conditions from the spread of the valid flights, in the order of a
-    /// conditions file. Widths that the flights do not determine are omitted, and keep the values
-    /// of a room.
+    /// conditions file. Widths that the flights do not determine are omitted and stay those of
+    /// `room`.
     pub fn conditions(&self) -> Vec<FoundCondition> {
         let figures: Vec<&LogFigures> = self.sound().collect();
         let n = figures.len();
         let thrusts: Vec<_> = figures.iter().map(|f| (f.thrust_frac, 0.0)).collect();
-        // Uneven air changes the mean command of a short flight, and its variance is subtracted.
+        // Uneven air shifts a short flight's mean command. The variance of this shift is
+        // subtracted.
         let trims_m = [0, 1].map(|axis: usize| {
             let sigmas_m = figures.iter().map(|f| f.trim_sigma_m.map_or(0.0, |m| m[axis]));
             spread(&figures.iter().map(|f| f.trim_m[axis]).zip(sigmas_m).collect::<Vec<_>>())
         });
         let trim_m = libm::hypot(trims_m[0], trims_m[1]) / std::f64::consts::SQRT_2;
-        // The width of a uniform distribution is √12 standard deviations. The mean lag is not used,
-        // because it contains errors that all logs of a session have in common.
+        // The width of a uniform distribution is √12 times its standard deviation. The mean lag is
+        // not used, because some of its errors are common to all logs of a session.
         let lags_s: Vec<(f64, f64)> =
             figures.iter().filter_map(|f| Some((f.lag_s?, f.lag_sigma_s?))).collect();
         let lag_s = 12_f64.sqrt() * spread(&lags_s);
@@ -270,7 +269,7 @@ impl Evening {
             ("gust_m_s", n_gusts, 1, gust_m_s, "torque of uneven air"),
             ("radio_outage_s", n_gaps, 1, mean(&outages_s), "longest gaps, if one occurs in 10 s"),
         ];
-        // A width is omitted if there are too few flights.
+        // A width is omitted if too few flights contribute to it.
         let enough = conditions.into_iter().filter(|(_, n, least, ..)| n >= least);
         let conditions = enough.map(|(key, n, _, value, from)| {
             let flights = if key == "radio_outage_s" { "" } else { &format!(", {n} flights") };
@@ -279,7 +278,7 @@ impl Evening {
         conditions.collect()
     }
 
-    /// Returns a conditions file (TOML) with the given widths and the figures they come from.
+    /// Returns a conditions file (TOML) with the given widths and the figures behind them.
     pub fn conditions_toml(&self, conditions: &[FoundCondition]) -> String {
         let (n, drones) = (self.sound().count(), self.drones().len());
         let mut toml = format!(
@@ -305,7 +304,7 @@ impl LogFigures {
 }
 
 impl EveningLog {
-    /// Returns the row of a log that has a flaw and no figures.
+    /// Returns a row without figures for a log with a flaw.
     fn flawed(log: &GatheredLog, flaw: Flaw) -> Self {
         let (drone, log) = (log.drone.clone(), log.name.clone());
         Self { drone, log, flaws: vec![flaw], figures: None, warnings: Vec::new() }
@@ -317,7 +316,7 @@ impl EveningLog {
             Ok(flight) => flight,
             Err(error) => return Self::flawed(log, Flaw::Unreadable(error.to_string())),
         };
-        // Warnings about other missing columns than motor commands and body rates are dropped.
+        // Warnings about missing columns are dropped, except for motor commands and body rates.
         let mut warnings = flight.warnings.clone();
         warnings.retain(|warning| warning.code != UNLOGGED);
         let samples = &flight.samples[airborne(&flight).unwrap_or_default()];
@@ -334,7 +333,7 @@ impl EveningLog {
             (saturated_s > MAX_SATURATED_S).then_some(Flaw::Saturated(saturated_s)),
             gust_m_s.is_some_and(|gust| gust < LEAST_GUST_M_S).then_some(Flaw::Frozen),
         ];
-        // The lag only affects commands that rotate the drone along a path.
+        // The lag only affects commands that rotate the drone along a path, so a path is required.
         if samples.windows(2).all(|pair| pair[0].design_m.xy() == pair[1].design_m.xy()) {
             let message = "its setpoints are constant or not logged, so it does not show the \
                            rotors' lag";
@@ -346,14 +345,14 @@ impl EveningLog {
     }
 }
 
-/// Returns the durations of the log's gaps within `air`, the samples in the air.
+/// Returns the durations of the log's gaps within `air`, the airborne samples.
 fn gaps_s(flight: &Flight, air: &[FlightSample]) -> Vec<f64> {
     let (from_s, to_s) = (air[0].time_s, air[air.len() - 1].time_s);
     let within = flight.gaps.iter().filter(|[start_s, end_s]| from_s <= *start_s && *end_s <= to_s);
     within.map(|[start_s, end_s]| end_s - start_s).collect()
 }
 
-/// Returns a flight's figures from `air`, its samples in the air, or the flaw that prevents it.
+/// Returns a flight's figures from `air`, its airborne samples, or the flaw that prevents this.
 fn figures(
     flight: &Flight,
     air: &[FlightSample],
@@ -373,8 +372,8 @@ fn figures(
         longest_gap_s: gaps_s(flight, air).into_iter().fold(0.0, f64::max),
         thrust_frac: identified.k_f_n / vehicle.k_f_n,
         trim_m: identified.center_of_mass_m,
-        // A torque about y acts like a shift of the center of mass along x, and a torque about x
-        // like a shift along y.
+        // A torque about y has the effect of a shift of the center of mass along x, and a torque
+        // about x that of a shift along y.
         trim_sigma_m: identified
             .air
             .map(|air| [1, 0].map(|axis: usize| air.mean_sigma_n_m[axis] / weight_n)),
@@ -405,8 +404,8 @@ fn spread(values: &[(f64, f64)]) -> f64 {
     (squares / (n - 1.0) - error_squares / n).max(0.0).sqrt()
 }
 
-/// Returns a sort key by which names are ordered with the numbers in them by value, and with
-/// numbers before other characters. The name itself is the last criterion.
+/// Returns a sort key that compares numbers within names by value, and places numbers before other
+/// characters. The name itself breaks ties.
 fn natural(name: &str) -> (Vec<(bool, u64)>, String) {
     let mut parts: Vec<(bool, u64)> = Vec::new();
     for c in name.chars() {

@@ -1,4 +1,4 @@
-//! Study design: which contender flies which word with which seed. [`evaluate`] flies the design.
+//! Study design: which contender flies which word with which seed. [`evaluate`] flies its trials.
 
 use std::collections::HashSet;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -12,28 +12,29 @@ use noctograph_core::random::PUBLIC_SEEDS;
 use noctograph_pipeline::scene::NamedScene;
 use noctograph_pipeline::shoot::Stop;
 
-/// Maximum number of flights in a study: a week of computing on one core.
+/// Maximum number of flights in a study: about a week of computing time on one core.
 pub(super) const MAX_TRIALS: usize = 500_000;
 
-/// The seeds of a search's finals and tests are the search's seed, exclusive-or one of these.
+/// Mask that is combined with the search's seed by exclusive-or to give the seed of its finals.
+/// [`TESTS`] does the same for the tests.
 pub(super) const FINALS: u64 = u64::MAX;
 pub(super) const TESTS: u64 = 0x5eed << 48;
 
-/// A study, in which every contender flies every word with the same seeds. The trials have a fixed
-/// order, so that any part of them can be flown on any machine.
+/// A study in which every contender flies every word with the same seeds. The order of the trials
+/// is fixed, so that any part of them can be flown on any machine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Study {
-    /// Scenes to compare.
+    /// Contenders, which are the scenes to compare.
     pub contenders: Vec<NamedScene>,
     /// Words, each with its number of seeds.
     pub words: Vec<(String, u32)>,
     /// Conditions that determine how flights differ from their scene.
     pub conditions: Conditions,
-    /// Seed from which the seeds of the flights are derived.
+    /// Seed from which the flights' seeds are derived.
     pub seed: u64,
 }
 
-/// Flight of a study.
+/// One flight of a study.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Trial {
     /// Index of the contender that flies.
@@ -45,12 +46,12 @@ pub struct Trial {
 }
 
 impl Study {
-    /// Checks that there are flights but not too many, that names and words are unique, and that
-    /// the conditions are valid.
+    /// Checks that the number of flights is neither zero nor too large, that names and words are
+    /// unique, and that the conditions are valid.
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Input`] with the part that is missing or wrong.
+    /// Returns [`Error::Input`] that names the missing or invalid part.
     pub fn check(&self) -> Result<()> {
         let (contenders, n_trials) = (&self.contenders, self.n_trials());
         if n_trials == 0 {
@@ -62,7 +63,7 @@ impl Study {
             };
             return Err(Error::input("study", counts, "at least one of each, and a seed", hint));
         }
-        // Results have rows by contender and strata by word, so that both must be unique.
+        // Results are listed by contender and stratified by word, so both must be unique.
         let mut names = HashSet::new();
         if let Some(duplicate) = contenders.iter().find(|contender| !names.insert(&contender.name))
         {
@@ -74,7 +75,7 @@ impl Study {
             let hint = "name each word once, with its number of seeds: NOOR:200";
             return Err(Error::input("words", duplicate, "each word once", hint));
         }
-        // A store does not accept more flights.
+        // A store cannot hold more flights.
         if n_trials > MAX_TRIALS {
             let wanted = format!("at most {MAX_TRIALS} flights");
             return Err(Error::input("study", n_trials, wanted, "fewer words or seeds"));
@@ -98,12 +99,12 @@ impl Study {
         })
     }
 
-    /// Returns the seed of a word's flight number `index`. If the study's seed is public, the
-    /// result is below 2^31, as in every release. If it is secret, the result is a keyed hash of 63
-    /// bits, as many as a scene file can hold. Nobody can then find seeds by trial, or derive one
-    /// from another.
+    /// Returns the seed of flight number `index` of a word. If the study's seed is public, the
+    /// result is below 2^31, as in every release. If the seed is secret, the result is a keyed hash
+    /// of 63 bits, the most that a scene file can hold, so seeds cannot be found by trial or from
+    /// each other.
     fn trial_seed(&self, word: &str, index: u32) -> u64 {
-        // The word is part of the hashed bytes, so that different words fly in different gusts.
+        // The word is part of the hashed bytes, so different words are flown in different gusts.
         let bytes = index.to_le_bytes().into_iter().chain(word.bytes());
         if self.is_secret() {
             let hash = hmac_sha256(&self.seed.to_le_bytes(), bytes);
@@ -130,16 +131,16 @@ impl Study {
     }
 }
 
-/// Flies trials on rayon's threads. Returns their records in the order of `trials`, which depend
-/// only on the study. `prepared` is the result of [`Study::prepare`].
+/// Flies trials on rayon's threads. Returns their records, which depend only on the study, in the
+/// order of `trials`. `prepared` is the result of [`Study::prepare`].
 ///
 /// Trials in the store are not flown again, and new ones are stored at once. `done` is called with
-/// the number of finished trials, from any thread. `stop` ends the study between two flights.
+/// the number of finished trials, from any thread. `stop` takes effect between flights.
 ///
 /// # Errors
 ///
-/// Returns the errors of the flights and the store, and [`Error::Stopped`]. Trials that were
-/// finished before stay in the store.
+/// Returns the errors of the flights and the store, and [`Error::Stopped`]. Trials finished before
+/// the error remain in the store.
 pub fn evaluate(
     study: &Study,
     prepared: &[Prepared],
@@ -165,7 +166,7 @@ pub fn evaluate(
     records.collect()
 }
 
-/// Returns a function that calls `done` with the number of its own calls so far, from any thread.
+/// Returns a function, for any thread, that passes the number of its calls to `done`.
 pub(super) fn counter(done: &(dyn Fn(usize) + Sync)) -> impl Fn() + Sync {
     let finished = AtomicUsize::new(0);
     move || done(finished.fetch_add(1, Ordering::Relaxed) + 1)
@@ -215,8 +216,8 @@ mod tests {
             let seeds = drawn(secret);
             for bit in 0..63 {
                 let n_set = seeds.iter().filter(|seed| *seed >> bit & 1 == 1).count();
-                // There are 400 seeds, each flown by both scenes. A deviation of 60 from 400 of 800
-                // is six sigma for 400 seeds.
+                // There are 400 seeds, each flown by both scenes. Six standard deviations are 60
+                // seeds.
                 assert!(n_set.abs_diff(400) < 2 * 60, "bit {bit}: {n_set}");
             }
             assert!(seeds.iter().all(|seed| i64::try_from(*seed).is_ok()), "for a scene file");

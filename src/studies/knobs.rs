@@ -1,4 +1,4 @@
-//! Knobs: the parameters of a search. A knob sets one or several keys of a scene.
+//! Knobs: the parameters of a search. A knob sets one or more keys of a scene.
 
 use std::collections::BTreeMap;
 use std::str::FromStr;
@@ -7,12 +7,12 @@ use noctograph_core::error::{Error, Result};
 use noctograph_pipeline::scene::{Scene, reason};
 use noctograph_sim::ControllerKind;
 
-/// A setting that a search varies, or several settings that it varies together.
+/// A setting that a search varies, or several settings that it varies jointly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Knob {
     /// Keys that the knob sets in a scene, such as `controller.lqr.q[0]`.
     pub keys: Vec<String>,
-    /// Range or choice of the knob's values.
+    /// Range or choices of the knob's values.
     pub turn: Turn,
 }
 
@@ -23,11 +23,11 @@ pub enum Turn {
     Times([f64; 2]),
     /// A value from this range, on a logarithmic scale.
     To([f64; 2]),
-    /// Choice of a word from these words.
+    /// One of these words.
     Choice(Vec<String>),
 }
 
-/// The usual knobs of designed linear-quadratic regulators, followed by those of other controllers.
+/// The usual knobs of LQR controllers, followed by those of other controllers.
 const LQR: &str = "
     controller.kind=lqr|lqr-feedforward|lqr-integral
     controller.lqr.q[0]+controller.lqr.q[1]*=0.1..10
@@ -57,17 +57,17 @@ const PID: &str = "
     controller.pid.vel_z[0]*=0.3..3
     controller.pid.vel_z[1]*=0.1..10
     controller.pid.roll[0]+controller.pid.pitch[0]*=0.5..2";
-/// The usual knobs of the observer and the plan.
+/// The usual knobs for the observer and the plan.
 const OBSERVER_AND_SPEED: &str = "
     observer.luenberger.q[0]+observer.luenberger.q[1]+observer.luenberger.q[2]*=0.05..5
     plan.stroke_speed_m_s=0.12..0.4";
 
 impl Knob {
     /// Returns the usual knobs that have an effect in a scene: weights or gains of its controller,
-    /// the observer's weights of the measured position, and the stroke speed.
+    /// the observer's weights for the measured position, and the stroke speed.
     pub fn usual(scene: &Scene) -> Vec<Self> {
         let controller = match scene.controller.kind {
-            // A fixed gain does not depend on any weights.
+            // A fixed gain does not depend on weights.
             _ if scene.controller.lqr.k.is_some() => "",
             ControllerKind::Lqr | ControllerKind::LqrFeedforward | ControllerKind::LqrIntegral => {
                 LQR
@@ -85,8 +85,8 @@ impl Knob {
         knobs
     }
 
-    /// Sets the knob's keys in a scene to the value at `fraction` of its range, 0 to 1. Refuses a
-    /// key that the scene lacks or whose value is of another type.
+    /// Sets the knob's keys in a scene to the value at `fraction` of its range, 0 to 1. Returns an
+    /// error if the scene lacks a key, or if a key's value is of a different type.
     fn set(&self, scene: &mut toml::Table, fraction: f64) -> Result<()> {
         for key in &self.keys {
             let value = find(scene, key)?;
@@ -97,7 +97,8 @@ impl Knob {
                 (Turn::To(range), Some(_)) => toml::Value::Float(log_between(*range, fraction)),
                 (Turn::Choice(words), None) if value.is_str() => {
                     #[expect(clippy::cast_possible_truncation, reason = "a few words")]
-                    // Words have equal parts of the range. A fraction of 1 selects the last one.
+                    // The words divide the range into equal parts. A fraction of 1 selects the last
+                    // one.
                     let index = (fraction * words.len() as f64) as usize;
                     toml::Value::String(words[index.min(words.len() - 1)].clone())
                 }
@@ -123,7 +124,7 @@ const HINT: &str = "for example plan.stroke_speed_m_s=0.1..0.4, controller.lqr.q
 ///
 /// # Errors
 ///
-/// Returns [`Error::Input`] for a key that the scene lacks or whose value is of another type.
+/// Returns [`Error::Input`] if the scene lacks a key, or if a key's value is of a different type.
 /// Returns the errors of [`Scene::check`].
 pub fn turned(scene: &Scene, knobs: &[Knob], point: &[f64]) -> Result<Scene> {
     let mut values = scene.to_table();
@@ -135,14 +136,14 @@ pub fn turned(scene: &Scene, knobs: &[Knob], point: &[f64]) -> Result<Scene> {
     Ok(scene)
 }
 
-/// Returns the keys of knobs without effect under all combinations of a scene's choices, and why.
+/// Returns the keys of knobs without effect under any combination of choices, with reasons.
 pub(super) fn without_effect(scene: &Scene, knobs: &[Knob]) -> Vec<(String, String)> {
-    // The scene under every combination of the choices.
+    // The scene is set to every combination of the choices.
     let mut scenes = vec![scene.clone()];
     for knob in knobs {
         let Turn::Choice(words) = &knob.turn else { continue };
         let before = scenes.clone();
-        // A word is chosen by the middle of its part of the range.
+        // A word is chosen by the middle of its part in the range.
         for fraction in (0..words.len()).map(|index| (index as f64 + 0.5) / words.len() as f64) {
             let knob = std::slice::from_ref(knob);
             scenes.extend(before.iter().flat_map(|scene| turned(scene, knob, &[fraction])));
@@ -150,7 +151,7 @@ pub(super) fn without_effect(scene: &Scene, knobs: &[Knob]) -> Vec<(String, Stri
     }
     let keys = knobs.iter().flat_map(|knob| &knob.keys);
     keys.filter_map(|key| {
-        // The reasons are stored by key without an index.
+        // The reasons are listed by key without an index.
         let named = key.split('[').next().unwrap_or(key);
         let mut reasons = scenes.iter().map(|scene| reason(scene, named));
         let first = reasons.next()??;
@@ -163,14 +164,14 @@ pub(super) fn without_effect(scene: &Scene, knobs: &[Knob]) -> Vec<(String, Stri
 ///
 /// # Errors
 ///
-/// Returns [`Error::Input`] for a key that the scene lacks.
+/// Returns [`Error::Input`] if the scene lacks a key.
 pub fn settings(scene: &Scene, knobs: &[Knob]) -> Result<BTreeMap<String, toml::Value>> {
     let mut values = scene.to_table();
     let keys = knobs.iter().flat_map(|knob| &knob.keys);
     keys.map(|key| Ok((key.clone(), find(&mut values, key)?.clone()))).collect()
 }
 
-/// Returns the value of a key such as `controller.lqr.q[0]`. Refuses a key that the scene lacks.
+/// Returns the value of a key such as `controller.lqr.q[0]`, or an error if it is missing.
 fn find<'a>(scene: &'a mut toml::Table, key: &str) -> Result<&'a mut toml::Value> {
     // For example, `a.b[2]` has the parts a, b and 2.
     let mut parts = key.split(['.', '[']).map(|part| part.trim_end_matches(']'));
@@ -190,7 +191,7 @@ impl FromStr for Knob {
         let invalid = || Error::input("knob", text, "KEYS=LOW..HIGH, KEYS*=… or KEY=a|b", HINT);
         let (keys, turn) = text.split_once('=').ok_or_else(invalid)?;
         let (keys, is_factor) = keys.strip_suffix('*').map_or((keys, false), |keys| (keys, true));
-        // Two numbers with `..` between them are a range. Everything else is a list of words.
+        // Two numbers separated by `..` form a range. Anything else is a list of words.
         let keys = keys.split('+').map(str::to_owned).collect();
         let turn = if let Some((low, high)) = turn.split_once("..") {
             let range @ [low, high] = [low, high].map(|end| end.parse().unwrap_or(f64::NAN));
@@ -261,7 +262,7 @@ mod tests {
         });
         assert!(!default.iter().any(|key| key.starts_with("observer.luenberger")));
         assert!(team.iter().any(|key| key.starts_with("observer.luenberger")));
-        // A choice makes settings effective that only one of its values uses, here the integral
+        // A choice makes settings effective that only one of its values uses, such as the integral
         // weights of lqr-integral.
         assert!(team.iter().any(|key| key == "controller.lqr.q_integral[0]"));
         for &preset in Preset::ALL {

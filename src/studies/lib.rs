@@ -1,21 +1,21 @@
-//! Studies: determine which controller writes the most legible word, with confidence intervals.
+//! Studies: determine which controller writes the most legible words, with confidence intervals.
 //!
 //! Products in: scenes, words, seeds and [`Conditions`]. Products out: a ranking, a tuned scene.
 //!
-//! 1. A scene that is prepared for a word ([`Prepared`]) is flown with one seed after the other.
-//!    Each flight is exposed on a small film, at the reader's resolution, and read, which gives one
+//! 1. A scene that is prepared for a word ([`Prepared`]) is flown with one seed after another. Each
+//!    flight is exposed on a small film, at the reader's resolution, and read. The result is one
 //!    [`Outcome`].
-//! 2. Only the seed determines gusts, noise and how the drone departs from its scene. Controllers
+//! 2. Gusts, noise and the drone's differences from its scene depend only on the seed. Controllers
 //!    are therefore compared flight by flight under common random numbers.
 //! 3. Every outcome is added to a [`Store`] at once, and a stored trial is never flown again. An
-//!    interrupted study can be continued on any number of threads and machines, and gives the same
-//!    numbers as an uninterrupted one.
+//!    interrupted study can be continued on any number of threads and machines, with the same
+//!    results as an uninterrupted one.
 //!
 //! Sources: Law, "Simulation Modeling and Analysis" (2015), chapter 11, for common random numbers
 //! and paired comparison. Efron, Tibshirani (1993) for bootstrap intervals.
 //!
-//! Not modeled: differences between readers, pilots who learn, and photographers who choose another
-//! exposure for each controller.
+//! Not modeled: differences between readers, pilots who learn, and photographers who choose a
+//! different exposure for each controller.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
@@ -41,8 +41,8 @@ mod tables;
 mod trial;
 mod tune;
 
-/// Digest of the source that determines an outcome, in 16 hexadecimal digits. The digest is the
-/// same for a clone and an archive, on every system, and distinguishes builds of one version.
+/// Digest of the source that determines an outcome, in 16 hexadecimal digits. It does not depend on
+/// the system, is the same for a clone and an archive, and distinguishes builds of one version.
 pub const SOURCE: &str = env!("NOCTOGRAPH_SOURCE");
 
 pub use acuity::{Acuity, HeightLimit, RUNGS, Rung, acuity, fly_ladder};

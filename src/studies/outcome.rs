@@ -9,13 +9,13 @@ use noctograph_plan::tracking::{Part, track};
 use noctograph_score::Verdict;
 use noctograph_sim::SimOptions;
 
-/// Limit of log-odds in both directions, because those of an illegible word are infinite.
+/// Limit of log-odds in both directions. Those of an illegible word would be infinite.
 const MAX_LOG_ODDS: f64 = 10.0;
 
-/// Maximum figure of a flight. Even the energy of a large battery in J is far below it.
+/// Largest magnitude accepted for a figure. Even the energy of a large battery in J is far smaller.
 const MAX_FIGURE: f64 = 1e12;
 
-/// The outcome of one trial, stored in a line of a [`super::Store`].
+/// Outcome of one trial, stored as a line in a [`super::Store`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Outcome {
     /// Letters that were read.
@@ -24,12 +24,12 @@ pub struct Outcome {
     pub all_read: bool,
     /// True if the word counts as legible.
     pub legible: bool,
-    /// Probability that a viewer reads the word and no other at first sight, 0 to 1:
+    /// Probability that a viewer reads the word, and no other word, at first sight, 0 to 1:
     /// [`Verdict::read_probability`].
     pub probability: f64,
-    /// Log-odds of the probability, −10 to 10, which still change at probabilities near 0 or 1.
+    /// Log-odds of the probability, −10 to 10, which distinguish probabilities close to 0 or 1.
     pub log_odds: f64,
-    /// Mean probability of the intended letters, 0 to 1, which changes even for an illegible word.
+    /// Mean probability of the intended letters, 0 to 1, which varies even among illegible words.
     pub similarity: f64,
     /// Figures of the flight. `None` if a drone was lost.
     #[serde(flatten)]
@@ -41,9 +41,9 @@ pub struct Outcome {
 /// Declares [`Flown`] and the names of its figures.
 macro_rules! figures {
     ($($(#[$doc:meta])* $name:ident,)*) => {
-        /// Figures of a flight, over the time of the letters unless stated otherwise. For several
-        /// drones these are the means, except that drift, tilt and duration are the maximum and the
-        /// energy is the sum.
+        /// Figures of a flight, while letters are written unless stated otherwise. For several
+        /// drones each figure is the mean, except that drift, tilt and duration are the maximum,
+        /// and energy is the sum.
         #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
         pub struct Flown<T = f64> {
             $($(#[$doc])* pub $name: T,)*
@@ -67,9 +67,9 @@ macro_rules! figures {
 }
 
 figures! {
-    /// Mean distance from the path within the word's plane.
+    /// Mean distance from the path in the word's plane.
     contour_m,
-    /// Time lag behind the design.
+    /// Time lag relative to the design.
     lag_s,
     /// Root mean square error against the design along x.
     rmse_x_m,
@@ -79,20 +79,20 @@ figures! {
     rmse_z_m,
     /// Maximum distance from the word's plane.
     drift_y_m,
-    /// Maximum tilt: roll or pitch.
+    /// Maximum tilt, which is the larger of roll and pitch.
     tilt_rad,
     /// Fraction of the time in which a motor is saturated.
     saturated_frac,
     /// Duration of the whole flight.
     duration_s,
-    /// Energy of the whole flight: current for thrust and electronics times open-circuit voltage.
+    /// Energy of the whole flight: current for thrust and electronics, times open-circuit voltage.
     energy_j,
 }
 
 impl Outcome {
     /// Returns the objective of a search: the log-odds of the word plus the scaled mean similarity
-    /// of its letters. The similarity still changes when the log-odds are at their limit, and is
-    /// scaled to the same size.
+    /// of its letters. The similarity still varies when the log-odds are at their limit. It is
+    /// scaled to a similar range.
     pub fn merit(&self) -> f64 {
         self.log_odds + MAX_LOG_ODDS * self.similarity
     }
@@ -101,9 +101,9 @@ impl Outcome {
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Input`] with the figure that is out of range.
+    /// Returns [`Error::Input`] that names the figure out of range.
     pub(super) fn check(&self, place: &str) -> Result<()> {
-        // Rounding may make a similarity slightly larger than 1.
+        // Rounding may yield a similarity slightly above 1.
         let scores = [
             ("probability", self.probability, 0.0..=1.0),
             ("log_odds", self.log_odds, -MAX_LOG_ODDS..=MAX_LOG_ODDS),
@@ -138,7 +138,7 @@ impl Outcome {
         }
     }
 
-    /// Returns the outcome of a flight that lost a drone by the cause `how`, and has no photo.
+    /// Returns the outcome of a flight that lost a drone, with the cause `how` and no photo.
     pub fn lost(word: &str, how: String) -> Self {
         Self {
             read: "?".repeat(word.chars().count()),
@@ -154,7 +154,7 @@ impl Outcome {
 }
 
 impl Flown {
-    /// Computes the figures of a photo's flights. `believed` has the scene's drone and battery.
+    /// Computes the figures of a photo's flights. `believed` is the scene's drone and battery.
     pub(super) fn new(flights: &[Flight], believed: &SimOptions) -> Result<Self> {
         let drones = flights.iter().map(|flight| Ok(Self::from_flight(flight, believed)?.values()));
         let drones: Vec<[f64; 10]> = drones.collect::<Result<_>>()?;
@@ -183,7 +183,7 @@ impl Flown {
             tilt_rad,
             saturated_frac: saturated_frac(flight),
             duration_s: flight.samples.last().map_or(0.0, |last| last.time_s),
-            // Without a simulated battery the energy is modeled from the motor commands.
+            // Without a simulated battery, the energy is estimated from the motor commands.
             energy_j: flight
                 .at_end(ENERGY_J)
                 .unwrap_or_else(|| modeled_energy_j(&flight.samples, believed)),
@@ -191,11 +191,10 @@ impl Flown {
     }
 }
 
-/// Returns the fraction of the letters' time in which a motor is saturated, or 0 if not logged.
+/// Returns the fraction of the writing time during which a motor is saturated, or 0 if not logged.
 fn saturated_frac(flight: &Flight) -> f64 {
     let Some(total_s) = flight.extra.get(SATURATED_S) else { return 0.0 };
-    // The column contains the saturated time since the start, and its increments over letters are
-    // added.
+    // The column accumulates saturated time, whose increments within letters are summed.
     let (mut written_s, mut saturated_s) = (0.0, 0.0);
     for (pair, total_s) in flight.samples.windows(2).zip(total_s.windows(2)) {
         if pair[0].letter.is_some() {
@@ -252,7 +251,7 @@ mod tests {
             flights(Scene { word: "I".into(), ..Scene::preset(Preset::Ae4832022) })[0].samples[0];
         sample.motors = [10_000.0; 4];
         let later = FlightSample { time_s: sample.time_s + 2.0, ..sample };
-        // A command of 40 000 units at 1.95 µN each draws 6.68 A/N. A full battery has 4.2 V.
+        // A command of 40 000 units at 1.95 µN per unit draws 6.68 A/N. A full battery has 4.2 V.
         let want_j = 2.0 * 4.2 * (0.24 + 6.68 * 0.078);
         let found_j = modeled_energy_j(&[sample, later], &SimOptions::default());
         assert!((found_j - want_j).abs() < 1e-9, "{found_j} for {want_j}");

@@ -15,7 +15,7 @@ pub struct Ranking {
     pub measures: Vec<Measures>,
     /// Comparisons of all pairs of contenders.
     pub pairs: Vec<Pair>,
-    /// Minimum number of flights per contender with which any two contenders can be distinguished.
+    /// Minimum number of flights per contender for two contenders to be distinguishable.
     pub least_flights: u32,
     /// Contenders that are not ranked.
     pub unranked: Vec<Unranked>,
@@ -29,7 +29,7 @@ pub struct Ranking {
 pub struct Unranked {
     /// Name of the contender.
     pub contender: String,
-    /// Reason: `refused: ...` before the flights, `failed: ...` in one of them.
+    /// Reason: `refused: ...` before the flights, or `failed: ...` during a flight.
     pub note: String,
 }
 
@@ -38,18 +38,18 @@ pub struct Unranked {
 pub struct Measures {
     /// Name of the contender.
     pub contender: String,
-    /// Place in the ranking, 1 for the best. Contenders that cannot be distinguished from the first
-    /// contender at a place have the same place. `None` if no flight was read, for example because
-    /// every drone was lost.
+    /// Rank, 1 for the best. Contenders that cannot be distinguished from the first contender of a
+    /// rank have the same rank. `None` if no flight was read, for example because every drone was
+    /// lost.
     pub place: Option<usize>,
     /// Number of flights.
     pub n_flights: usize,
     /// Number of flights in which a drone was lost.
     pub n_lost: usize,
-    /// Mean probability that a viewer reads the word and no other at first sight
+    /// Mean probability that a viewer reads the word, and no other word, at first sight
     /// ([`Verdict::read_probability`](noctograph_score::Verdict::read_probability)).
     pub legibility: Estimate,
-    /// Fraction of flights whose photo is legible.
+    /// Fraction of flights with a legible photo.
     pub legible: Estimate,
     /// Mean probability of being read in the worst tenth of the flights.
     pub worst_decile: Estimate,
@@ -57,33 +57,33 @@ pub struct Measures {
     pub all_read: Estimate,
     /// Mean figures of the flights that were not lost. `None` if every flight was lost.
     pub flown: Option<Flown<Estimate>>,
-    /// Name of an earlier contender with exactly the same flights.
+    /// Name of an earlier contender whose flights are exactly the same.
     pub equal_to: Option<String>,
-    /// Indices of the records whose photos are the median and the worst one.
+    /// Indices of the records with the median and the worst photo.
     #[serde(skip)]
     pub median_and_worst: [usize; 2],
 }
 
-/// Comparison of two contenders by their flights with the same word and seed.
+/// Comparison of two contenders, paired by word and seed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Pair {
     /// Name of the contender with the higher mean probability.
     pub better: String,
     /// Name of the other contender.
     pub worse: String,
-    /// Mean difference in the probability of being read. The level of the interval holds for all
-    /// pairs together (Bonferroni). The interval is from -1 to 1 if there are too few flights.
+    /// Mean difference in the probability of being read. The level of the interval applies to all
+    /// pairs jointly (Bonferroni). With too few flights the interval is from -1 to 1.
     pub difference: Estimate,
-    /// True if the two contenders differ at a level that holds for all pairs together (Holm,
+    /// True if the two contenders differ at a level that applies to all pairs jointly (Holm,
     /// Scandinavian Journal of Statistics 6, 1979).
     pub distinguishable: bool,
 }
 
-/// Minimum probability of being read that gets a place. Smaller values are printed as 0.000.
+/// Minimum probability of being read for a rank. Smaller values are printed as 0.000.
 const LEAST_READ: f64 = 0.0005;
 
-/// Ranks the contenders of a study. `records` contains one record for each of its trials, in the
-/// order of the trials. Panics if their numbers differ.
+/// Ranks the contenders of a study. `records` contains one record per trial, in the order of the
+/// trials. Panics if the numbers differ.
 pub fn rank(study: &Study, records: &[Record]) -> Ranking {
     assert_eq!(records.len(), study.n_trials(), "a record for every trial");
     let n_each = (records.len() / study.contenders.len().max(1)).max(1);
@@ -102,7 +102,8 @@ pub fn rank(study: &Study, records: &[Record]) -> Ranking {
     let named: Vec<_> = ranked.iter().map(|(m, values)| (&*m.contender, &values[..])).collect();
     let pairs = pairs(&named);
     let mut measures: Vec<Measures> = ranked.into_iter().map(|(measures, _)| measures).collect();
-    // A new place begins with a contender that differs from the first one at the previous place.
+    // A new rank begins with the first contender that differs from the one that began the last
+    // rank.
     let mut first_of_place = 0;
     for index in 0..measures.len() {
         let [best, this] = [first_of_place, index].map(|index| &measures[index].contender);
@@ -122,20 +123,18 @@ fn flew_alike(a: &[Record], b: &[Record]) -> bool {
     a.iter().map(|record| &record.outcome).eq(b.iter().map(|record| &record.outcome))
 }
 
-/// Returns the minimum number of flights per contender with which any two contenders can be
-/// distinguished.
+/// Returns the minimum number of flights per contender for two contenders to be distinguishable.
 pub fn least_flights(n_contenders: usize) -> u32 {
     least_for_center(level(n_contenders * n_contenders.saturating_sub(1) / 2))
 }
 
-/// Returns the confidence level of a single interval at which `n_pairs` intervals hold together
-/// (Bonferroni).
+/// Returns the confidence level at which `n_pairs` intervals are jointly valid (Bonferroni).
 fn level(n_pairs: usize) -> f64 {
     1.0 - (1.0 - LEVEL) / n_pairs.max(1) as f64
 }
 
-/// Compares all pairs of `contenders`, which are names with the probabilities of their flights,
-/// sorted by mean probability.
+/// Compares all pairs of `contenders`. Each contender is a name with the probabilities of the
+/// flights, and they are sorted by mean probability.
 pub(super) fn pairs(contenders: &[(&str, &[f64])]) -> Vec<Pair> {
     let (mut pairs, mut differences_by_pair) = (Vec::new(), Vec::new());
     for (place, (better, a)) in contenders.iter().enumerate() {
@@ -150,9 +149,9 @@ pub(super) fn pairs(contenders: &[(&str, &[f64])]) -> Vec<Pair> {
             differences_by_pair.push(differences);
         }
     }
-    // Holm's procedure: pairs that are found distinguishable lower the level for the remaining
-    // pairs, round by round, until no further pair is found. The first round is Bonferroni's, whose
-    // intervals are reported.
+    // Holm's procedure: distinguishable pairs lower the level required of the remaining pairs,
+    // round by round, until a round adds no pair. The first round, Bonferroni's, gives the
+    // intervals.
     let (n_pairs, mut n_before) = (pairs.len(), 0);
     loop {
         let n_open = pairs.iter().filter(|pair| !pair.distinguishable).count();
@@ -171,8 +170,7 @@ pub(super) fn pairs(contenders: &[(&str, &[f64])]) -> Vec<Pair> {
     }
 }
 
-/// Returns `value` of one contender's records, grouped by word, without the records for which it is
-/// `None`.
+/// Returns `value` for a contender's records by word, without the records for which it is `None`.
 fn strata(
     study: &Study,
     mut records: &[Record],
@@ -188,7 +186,7 @@ fn strata(
 /// Computes a contender's measures, except its place. `first` is the index of its first record.
 fn measure(study: &Study, records: &[Record], first: usize) -> Measures {
     let probabilities = strata(study, records, |record| Some(record.outcome.probability));
-    // Photos are sorted from the worst to the best. A flight with a lost drone has no photo.
+    // Photos are sorted from worst to best. A flight with a lost drone has no photo.
     let mut photos: Vec<usize> =
         (0..records.len()).filter(|index| records[*index].outcome.flown.is_some()).collect();
     photos.sort_by(|a, b| {
@@ -224,7 +222,7 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rayon::prelude::*;
 
-    /// Ranks contenders with made-up probabilities of one word, given as a list for each contender.
+    /// Ranks contenders with made-up probabilities for one word, with one list per contender.
     fn ranked(probabilities: &[&[f64]]) -> Ranking {
         let names = ["a", "b", "c"];
         let contenders = (0..probabilities.len())
@@ -236,7 +234,7 @@ mod tests {
         rank(&study, &records(&study, probabilities.concat().into_iter().map(Outcome::example)))
     }
 
-    /// Returns records with these outcomes for a study of one word.
+    /// Returns records with these outcomes for a single-word study.
     fn records(study: &Study, outcomes: impl Iterator<Item = Outcome>) -> Vec<Record> {
         let records = study.trials().zip(outcomes).map(|(trial, outcome)| Record {
             scene: String::new(),
@@ -270,8 +268,7 @@ mod tests {
 
     #[test]
     fn places_follow_the_order_and_ties_share_the_place_of_their_first() {
-        // Contender b is steadily a little worse than a. Contender c is worse still, but sometimes
-        // best.
+        // Contender b is always slightly worse than a. Contender c is worse, but sometimes best.
         let a: Vec<f64> = (0..20).map(|k| 0.9 - 0.001 * f64::from(k)).collect();
         let b: Vec<f64> = a.iter().map(|p| p - 0.01).collect();
         let c: Vec<f64> = (0..20).map(|k| if k % 3 == 0 { 0.95 } else { 0.8 }).collect();
@@ -300,8 +297,8 @@ mod tests {
 
     #[test]
     fn what_is_told_apart_leaves_a_milder_level_for_the_others() {
-        // Contender b is far worse in all flights. Contender c is a little worse than a in all
-        // flights but one. Ten of the 1023 subset means of that difference are below zero. The
+        // Contender b is far worse in all flights. Contender c is slightly worse than a in all
+        // flights but one. Of the 1023 subset means of a - c, ten are below zero. The
         // limit is 8 for three pairs, and 25 for one pair.
         let a = [0.9; 10];
         let mut c = [0.89; 10];
@@ -312,12 +309,12 @@ mod tests {
         assert!(pair.difference.low <= 0.0, "not by Bonferroni: {pair:?}");
     }
 
-    /// Returns the pairs of contenders with these probabilities.
+    /// Returns the pairs for contenders with these probabilities.
     fn pairs_of(contenders: &[Vec<f64>]) -> Vec<Pair> {
         pairs(&contenders.iter().map(|values| ("x", &values[..])).collect::<Vec<_>>())
     }
 
-    /// Draws an approximately normal number: the sum of twelve uniform numbers.
+    /// Draws an approximately normal number as the sum of twelve uniform numbers.
     fn normal(rng: &mut ChaCha8Rng) -> f64 {
         (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0
     }
@@ -326,8 +323,7 @@ mod tests {
     fn family_wise_error(n_contenders: u32, n_flights: u32, n_studies: u32) -> f64 {
         let wrong = (0..n_studies).into_par_iter().filter(|study| {
             let rng = &mut ChaCha8Rng::seed_from_u64(u64::from(*study));
-            // Probabilities near 0.9 resemble those of flights: skewed, and similar for the same
-            // seed.
+            // Probabilities near 0.9 resemble those of flights, skewed and correlated by seed.
             let seeds: Vec<f64> = (0..n_flights).map(|_| 2.0 + normal(rng)).collect();
             let contenders = (0..n_contenders)
                 .map(|_| seeds.iter().map(|s| 1.0 / (1.0 + libm::exp(-s - normal(rng)))).collect());
@@ -357,7 +353,7 @@ mod tests {
             });
             pairs_of(&contenders.collect::<Vec<_>>())
         }
-        // The step equals twelve standard errors of a difference.
+        // The step is twelve standard errors of a difference.
         assert!(pairs_apart(0.0065).iter().all(|pair| pair.distinguishable));
         let alike = pairs_apart(0.0);
         assert!(alike.iter().all(|pair| !pair.distinguishable && pair.difference.high < 0.01));

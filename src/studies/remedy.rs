@@ -1,9 +1,9 @@
-//! Remedies: changes of settings that make the word of a scene easier to read.
+//! Remedies: changes to settings that make a scene's word easier to read.
 //!
-//! Product in: a shoot whose word is not legible. Product out: at most three [`Remedy`]s. Every
-//! candidate is planned, flown, exposed on the scene's film and read with the scene's seed. Changes
-//! that help are flown with two more seeds, and dropped if one of these shows a loss. Settings that
-//! nobody can choose, such as gusts or the radio's delay, are not changed.
+//! Product in: a shoot whose word is illegible. Product out: at most three [`Remedy`]s. Every
+//! candidate change is planned, flown, exposed on the scene's film and read, all with the scene's
+//! seed. Changes that help are flown with two more seeds, and dropped if either of these shows a
+//! loss. Settings that nobody can choose, such as gusts or the radio's delay, are not changed.
 
 use rayon::prelude::*;
 
@@ -18,7 +18,7 @@ use noctograph_pipeline::shoot::{Judging, Shoot, Shot};
 use noctograph_plan::{LightClock, PlanOptions, ReferenceKind, Style};
 use noctograph_sim::ControllerKind;
 
-/// A change of a scene that makes its word easier to read.
+/// A change to a scene that makes its word easier to read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Remedy {
     /// Changed keys with their new values.
@@ -40,7 +40,7 @@ const DARK_ROOM_CD_M2: f64 = 0.008;
 const SLOWEST_M_S: f64 = 0.05;
 
 /// Returns remedies for a shot. The list is empty if the word is legible, or if the plans were
-/// given or exported instead of planned here.
+/// given or exported instead of computed here.
 pub fn remedies_for(shot: &Shot) -> Result<Vec<Remedy>> {
     let is_read = shot.verdict.as_ref().is_none_or(|verdict| verdict.legible);
     if is_read || !shot.shoot.is_planned || !shot.shoot.designs.is_empty() {
@@ -53,22 +53,22 @@ pub fn remedies_for(shot: &Shot) -> Result<Vec<Remedy>> {
 ///
 /// # Errors
 ///
-/// Returns the errors of the stages for the scene itself. A change that cannot be flown is ignored.
+/// Returns the errors of the stages for the unchanged scene. A change that fails is ignored.
 pub fn remedies(shoot: &Shoot) -> Result<Vec<Remedy>> {
     let scene = &shoot.scene;
     let before = read_probability(scene, scene.seed)?;
     let sensible = writing(scene).into_iter().chain(pictures(shoot)?).filter(|(wanted, _)| *wanted);
     let candidates = sensible.map(|(_, changes)| Ok((changed(scene, &changes)?, changes)));
     let candidates: Vec<_> = candidates.collect::<Result<_>>()?;
-    // The candidates that gain with the scene's seed are sorted by gain, largest first.
+    // Candidates that improve the result with the scene's seed are sorted by gain, largest first.
     let gainful = candidates.into_par_iter().filter_map(|(scene, changes)| {
         let gain = read_probability(&scene, scene.seed).ok()? - before;
         (gain >= LEAST_GAIN).then_some((gain, changes, scene))
     });
     let mut gainful: Vec<_> = gainful.collect();
     gainful.sort_by(|(a, ..), (b, ..)| b.total_cmp(a));
-    // The best candidates that also gain with further seeds are kept, because the candidate with
-    // the best result of one flight owes some of it to luck.
+    // The best candidates are kept if they also improve the result with further seeds, because the
+    // winner of a single flight owes part of its lead to luck.
     let further: Vec<u64> = (1..SEEDS).map(|k| scene.seed.wrapping_add(k)).collect();
     let before: Vec<f64> =
         further.par_iter().map(|seed| read_probability(scene, *seed)).collect::<Result<_>>()?;
@@ -98,8 +98,8 @@ fn read_probability(scene: &Scene, seed: u64) -> Result<f64> {
     Ok(verdict.map_or(0.0, |verdict| verdict.read_probability()))
 }
 
-/// Returns a scene with changes applied. A change of the plan's style also resets the plan to that
-/// style's defaults, except for its lamps.
+/// Returns a scene with changes applied. A change to the plan's style also resets the rest of the
+/// plan, except its lamps, to that style's defaults.
 fn changed(scene: &Scene, changes: &[Change]) -> Result<Scene> {
     let mut scene = scene.clone();
     if changes.iter().any(|change| change.key == "plan.style") {
@@ -109,7 +109,7 @@ fn changed(scene: &Scene, changes: &[Change]) -> Result<Scene> {
     Scene::parse_with(&scene.to_toml(), "scene", &values.collect::<Vec<_>>())
 }
 
-/// A change of one or several keys, preceded by true if it makes sense for the scene.
+/// A change to one or more keys, preceded by true if the change makes sense for the scene.
 type Candidate = (bool, Vec<Change>);
 
 /// Returns the candidate that sets a single key.
@@ -146,7 +146,7 @@ fn pictures(shoot: &Shoot) -> Result<Vec<Candidate>> {
     let Scene { camera, photo, .. } = &shoot.scene;
     let good = CameraOptions::default();
     let ends_s = shoot.plans.iter().map(|planned| planned.plan.duration_s());
-    // The shutter stays open for whole seconds of the flight, and the lens is focused on the word.
+    // The shutter stays open for the flight, in whole seconds. The lens is focused on the word.
     let end_s = ends_s.fold(0.0, f64::max).ceil();
     let bounds_m = shoot.strokes.as_ref().map_or([0.0; 4], |strokes| strokes.bounds_m());
     let word_m = camera.camera(bounds_m, end_s)?.position_m.y.abs();

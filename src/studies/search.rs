@@ -1,14 +1,14 @@
 //! Search: proposes points in a unit cube and learns from their costs.
 //!
 //! The method is tree-structured Parzen estimation (Bergstra et al., "Algorithms for
-//! Hyper-Parameter Optimization", NIPS 2011) by the crate `tpe`, with one estimator for each
-//! coordinate.
+//! Hyper-Parameter Optimization", NIPS 2011) in the implementation of the crate `tpe`, with one
+//! estimator per coordinate.
 
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use tpe::{TpeOptimizer, TpeOptimizerBuilder, parzen_estimator, range};
 
-/// A search for the point with the least cost in `[0, 1)ⁿ`.
+/// A search in `[0, 1)ⁿ` for the point with the minimum cost.
 #[derive(Debug)]
 pub(super) struct Search {
     rng: ChaCha8Rng,
@@ -35,12 +35,12 @@ impl Search {
     /// Returns the next point to try.
     pub(super) fn ask(&mut self) -> Vec<f64> {
         let rng = &mut self.rng;
-        // As long as there are too few points to estimate a density, points are drawn uniformly.
+        // Points are drawn uniformly until there are enough of them to estimate a density.
         if self.n_points < 2 * self.coordinates.len() {
             return self.coordinates.iter().map(|_| rng.random()).collect();
         }
         let values = self.coordinates.iter_mut().map(|coordinate| {
-            // The coordinate stays below 1, because the cube excludes its upper faces.
+            // The coordinate is kept below 1, because the cube excludes its upper faces.
             coordinate.ask(rng).expect("points are known").clamp(0.0, 1.0 - 1e-12)
         });
         values.collect()
@@ -49,7 +49,7 @@ impl Search {
     /// Adds a point with its cost. Panics if the cost is NaN or the point lies outside the cube.
     pub(super) fn tell(&mut self, point: &[f64], cost: f64) {
         self.n_points += 1;
-        // Coordinates are estimated independently, as Bergstra et al. do.
+        // Each coordinate is estimated independently, as by Bergstra et al.
         for (coordinate, value) in self.coordinates.iter_mut().zip(point) {
             coordinate.tell(*value, cost).expect("a number, within the cube");
         }
@@ -62,13 +62,13 @@ mod tests {
 
     const N: usize = 5;
 
-    /// Returns a cost that is a narrow valley, and that does not depend on one of the coordinates.
+    /// Returns a cost with a narrow valley that does not depend on one of the coordinates.
     fn cost(point: &[f64]) -> f64 {
         let bottom = [0.2, 0.7, 0.4, 0.9];
         point.iter().zip(bottom).map(|(x, b)| (x - b) * (x - b)).sum()
     }
 
-    /// Returns the least cost that a search finds.
+    /// Returns the minimum cost that a search finds.
     fn least(n_points: usize, seed: u64) -> f64 {
         let mut search = Search::new(N, seed);
         let mut least = f64::INFINITY;
@@ -83,7 +83,7 @@ mod tests {
         least
     }
 
-    /// Returns the least cost of uniformly drawn points.
+    /// Returns the minimum cost among uniformly drawn points.
     fn least_by_chance(n_points: usize, seed: u64) -> f64 {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let points = (0..n_points).map(|_| -> [f64; N] { std::array::from_fn(|_| rng.random()) });

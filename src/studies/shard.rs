@@ -1,8 +1,8 @@
 //! Shard: a part of a study's flights, which any process on any machine can fly.
 //!
-//! The file of a shard is named by the study and the part, depends on nothing else, and appears
-//! whole or not at all. A shard may therefore be flown twice, or killed and flown again, and the
-//! next study may be divided differently.
+//! The file name of a shard depends only on the study and the part, and the file appears whole or
+//! not at all. A shard may therefore be flown twice, or killed and restarted, and the study may be
+//! divided differently the next time.
 
 use std::path::{Path, PathBuf};
 
@@ -13,10 +13,10 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::files::files_in;
 use noctograph_pipeline::shoot::Stop;
 
-/// Part `index` of `count`, counted from 1.
+/// Part number `index` out of `count`, counted from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shard {
-    /// Number of this part, 1 to `count`.
+    /// Number of the part, 1 to `count`.
     pub index: usize,
     /// Total number of parts.
     pub count: usize,
@@ -37,7 +37,7 @@ impl std::str::FromStr for Shard {
 
 impl Shard {
     /// Flies every `count`th trial of a study and writes the records to a file in `folder`, unless
-    /// it exists already. Returns the file's path and the number of its flights.
+    /// the file exists already. Returns the file's path and the number of its flights.
     pub fn fly(
         self,
         study: &Study,
@@ -45,7 +45,7 @@ impl Shard {
         done: &(dyn Fn(usize) + Sync),
     ) -> Result<(PathBuf, usize)> {
         let prepared = study.prepare()?;
-        // Every `count`th trial is taken, so that each part has all contenders and words.
+        // Every `count`th trial is taken, so that each part includes all contenders and words.
         let trials: Vec<Trial> = study.trials().skip(self.index - 1).step_by(self.count).collect();
         let name = format!("{}-{}-of-{}.jsonl", digest(study, &prepared), self.index, self.count);
         let path = folder.join(name);

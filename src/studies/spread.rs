@@ -1,10 +1,10 @@
-//! Spread: how much the flights of one plan differ, and how many of their photos are legible.
+//! Spread: how much flights of one plan vary, and how many of their photos are legible.
 //!
-//! Products in: a shoot and [`Conditions`]. Products out: the photos and verdicts of its flights,
-//! and two [`Band`]s for each drone. The first band is over flights that differ in room and drone,
-//! the second band is over flights of one drone in one room. [`Conditions`] are drawn once per
-//! flight: mass, trim, rotors and charge of the drone, and the geometry of the base stations. Gusts
-//! and sensor noise vary within a flight.
+//! Products in: a shoot and [`Conditions`]. Products out: photos and verdicts of flights, and two
+//! [`Band`]s for each drone. The first band covers flights that differ in room and drone, the
+//! second band covers flights of one drone in one room. [`Conditions`] are drawn once per flight:
+//! mass, trim, rotors and charge of the drone, and the geometry of the base stations. Gusts and
+//! sensor noise vary within a flight.
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -19,14 +19,14 @@ use noctograph_picture::photo::Photo;
 use noctograph_pipeline::shoot::{Judging, Shoot};
 use noctograph_score::{Verdict, is_judged};
 
-/// Fraction of the flights that are inside a band at each time.
+/// Fraction of the flights that lie within a band at each time.
 pub const BAND_FRAC: f64 = 0.9;
-/// Minimum number of flights whose band can contain that fraction: two of the twenty intervals
-/// between their values are outside it.
+/// Minimum number of flights for a band of that fraction: their values form twenty intervals, of
+/// which two are outside the band.
 pub const LEAST_FLIGHTS: usize = 19;
 /// Time step of a band.
 const STEP_S: f64 = 0.1;
-/// Height of capitals in the photos.
+/// Cap height in the photos.
 const CAP_HEIGHT_PX: f64 = 64.0;
 
 /// Flights of one plan under varied conditions.
@@ -34,16 +34,16 @@ const CAP_HEIGHT_PX: f64 = 64.0;
 pub struct Spread {
     /// Flights that differ in room and drones.
     pub flights: Vec<SpreadFlight>,
-    /// Band of these flights for each drone.
+    /// Band of these flights, one for each drone.
     pub all: Vec<Band>,
-    /// Band for each drone over as many flights with the drones and the room of the first seed.
+    /// Band, one per drone, of as many flights with the drones and the room of the first seed.
     pub within: Vec<Band>,
 }
 
-/// Flight of a spread.
+/// One flight of a spread.
 #[derive(Clone, Debug)]
 pub struct SpreadFlight {
-    /// Seed of the flight's noise and of its departures from the scene.
+    /// Seed of the flight's noise and of its differences from the scene.
     pub seed: u64,
     /// Flights, photo and verdict, or the cause of the loss of a drone.
     pub shot: std::result::Result<SpreadShot, String>,
@@ -61,18 +61,18 @@ pub struct SpreadShot {
 }
 
 /// The band that contains [`BAND_FRAC`] of the flights on each axis at each time. With fewer than
-/// [`LEAST_FLIGHTS`] flights it contains all of them ([`Band::holds_frac`]).
+/// [`LEAST_FLIGHTS`] flights the band contains all of them ([`Band::holds_frac`]).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Band {
     /// Number of flights from which the band is computed.
     pub n_flights: usize,
-    /// Times at a step of 0.1 s.
+    /// Times, 0.1 s apart.
     pub time_s: Vec<f64>,
     /// Lower end, median and upper end of the positions at each time step.
     pub ends_m: Vec<[Vector3<f64>; 3]>,
     /// Designed position at each time step.
     pub design_m: Vec<Vector3<f64>>,
-    /// True at each time step at which a letter is being written.
+    /// True at each time step during which a letter is being written.
     pub writes: Vec<bool>,
 }
 
@@ -83,12 +83,12 @@ impl Band {
         let Some(first) = flights.first() else { return band };
         let mut next_s = f64::NEG_INFINITY;
         for (index, sample) in first.samples.iter().enumerate() {
-            // Samples are skipped until the next step. The margin is for rounding errors.
+            // Samples are skipped until the next time step. The margin allows for rounding errors.
             if sample.time_s < next_s - 1e-9 {
                 continue;
             }
             next_s = sample.time_s.max(next_s) + STEP_S;
-            // Flights of one plan have samples at the same times.
+            // Flights of one plan are sampled at the same times.
             let samples = flights.iter().filter_map(|flight| flight.samples.get(index));
             let positions_m: Vec<Vector3<f64>> = samples.map(&position_m).collect();
             let quantiles_m =
@@ -102,8 +102,8 @@ impl Band {
         band
     }
 
-    /// Returns the fraction of further flights that the band contains: [`BAND_FRAC`], or with fewer
-    /// than [`LEAST_FLIGHTS`] flights that between the extremes of n flights, `(n − 1) / (n + 1)`.
+    /// Returns the fraction of further flights that the band will contain: [`BAND_FRAC`], or with n
+    /// flights, fewer than [`LEAST_FLIGHTS`], that between extremes, `(n − 1) / (n + 1)`.
     pub fn holds_frac(&self) -> f64 {
         let n = self.n_flights as f64;
         BAND_FRAC.min((n - 1.0).max(0.0) / (n + 1.0))
@@ -130,8 +130,8 @@ fn band_quantiles(mut values: Vec<f64>) -> [f64; 3] {
 }
 
 /// Returns a quantile of sorted values by Weibull's plotting position, `k / (n + 1)`, so that a
-/// further value is below it with the given probability. The result is limited to the extremes.
-/// Without values it is NaN.
+/// further value is smaller with the given probability. The result is limited to the extremes.
+/// Without values the result is NaN.
 fn quantile(sorted: &[f64], probability: f64) -> f64 {
     let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
     let rank = (probability * (last as f64 + 2.0) - 1.0).clamp(0.0, last as f64);
@@ -141,9 +141,9 @@ fn quantile(sorted: &[f64], probability: f64) -> f64 {
     sorted[below] + (sorted[above] - sorted[below]) * (rank - rank.floor())
 }
 
-/// Flies a shoot with `n` seeds starting with the scene's, each with different drones and a
-/// different room. Then the same seeds fly again with the drones and the room of the first seed.
-/// `done` is called with the number of finished flights.
+/// Flies a shoot with `n` seeds, beginning with the scene's, each with different drones and a
+/// different room. Then flies the same seeds with the drones and the room of the first seed. Calls
+/// `done` with the number of finished flights.
 ///
 /// # Errors
 ///

@@ -11,10 +11,10 @@
 //!
 //! The random numbers have a fixed seed, so that an interval depends only on its values.
 //!
-//! The means of all subsets of n differences divide the line into 2ⁿ intervals. Each interval
-//! contains the center of any symmetric distribution with equal probability, so that the confidence
-//! interval is exact even for few values. The method corresponds to the randomization test of
-//! Fisher and Pitman. A level of 95 % needs at least six values.
+//! The means of all subsets of n differences divide the real line into 2ⁿ intervals. For any
+//! symmetric distribution, each interval contains the center with equal probability, so the
+//! confidence interval is exact even for few values. The method corresponds to the randomization
+//! test of Fisher and Pitman. A level of 95 % requires at least six values.
 
 use std::borrow::Borrow;
 
@@ -22,25 +22,25 @@ use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use serde::Serialize;
 
-/// Number of bootstrap samples. 50 of them lie beyond each end of a 95 % interval.
+/// Number of bootstrap samples, of which 50 lie beyond each end of a 95 % interval.
 const RESAMPLES: usize = 2000;
 /// Number of subsets that are drawn at random if there are too many to enumerate. At a level of 1 -
-/// 0.05 / 45, the level for ten contenders, 11 of them lie beyond each end.
+/// 0.05 / 45, used for ten contenders, 11 subsets lie beyond each end.
 const SUBSETS: usize = 20_000;
-/// Maximum number of values whose subsets are all enumerated.
+/// Maximum number of values for which all subsets are enumerated.
 const MAX_ENUMERATED: usize = 14;
 
-/// Weight, in flights, of the hypothetical values 0 and 1 that no flight had. At a lower weight,
-/// the intervals of few flights miss rare failures: at 0.25, only 89 % of them contain the mean of
-/// a hundred flights if 3 % of flights fail. At a higher weight they are wider than necessary.
+/// Weight, in flights, of hypothetical values 0 and 1 that were never observed. At a lower weight,
+/// the intervals from few flights miss rare failures: at 0.25, only 89 % of them contain the mean
+/// of a hundred flights of which 3 % fail. At a higher weight the intervals are too wide.
 const UNSEEN: f64 = 0.5;
-/// Number of bisections of the logarithm of a distance.
+/// Number of bisections on the logarithm of a distance.
 const BISECTIONS: u32 = 40;
 
 /// A figure and its confidence interval at a stated level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Estimate {
-    /// The figure that is computed from all values.
+    /// Figure computed from all values.
     pub value: f64,
     /// Lower end of the confidence interval.
     pub low: f64,
@@ -68,10 +68,10 @@ pub(super) fn standard_error(values: &[f64]) -> f64 {
 /// Returns the mean of the lowest tenth (at least one) of values from 0 to 1, with its 95 %
 /// interval. Without values the mean is 0. The interval of a single value is from 0 to 1.
 ///
-/// The mean of the worst tenth is the maximum, over a value q, of the mean of `q + min(x - q, 0) n
-/// / k`, for the k lowest of n values x (Rockafellar, Uryasev, Journal of Risk 2, 2000). Each end
-/// of the interval is therefore the maximum of the corresponding ends of such means, by
-/// [`Posterior::ends`]. A percentile bootstrap is not used because it never draws below the lowest
+/// The mean of the worst tenth is the maximum over q of the mean of `q + min(x - q, 0) n / k`, for
+/// the k lowest of n values x (Rockafellar, Uryasev, Journal of Risk 2, 2000). Each end of the
+/// interval is therefore the maximum of the corresponding ends of such means, by
+/// [`Posterior::ends`]. A percentile bootstrap is not used, because it never draws below the lowest
 /// value.
 pub(super) fn worst_decile(strata: &[Vec<f64>]) -> Estimate {
     let mut values = strata.concat();
@@ -83,7 +83,7 @@ pub(super) fn worst_decile(strata: &[Vec<f64>]) -> Estimate {
     }
     let per_value = values.len() as f64 / n_lowest as f64;
     // Candidates for q lie around the k-th value, because with few flights the worst tenth of all
-    // possible flights may reach beyond the k-th observed one.
+    // possible flights may extend beyond the k-th observed value.
     let ends = [2, 3, 4, 6, 8, 12, 16].map(|quarters| {
         let q = values[(quarters * n_lowest / 4).min(values.len() - 1)];
         let influences = values.iter().map(|x| q + (x - q).min(0.0) * per_value).collect();
@@ -101,8 +101,8 @@ pub fn median(values: &mut [f64]) -> f64 {
 }
 
 /// Returns the mean of all values with its 95 % interval by Student's t. The variance is that
-/// within strata, or that of all values if a stratum has only one. The interval of a single value
-/// is unbounded.
+/// within strata, or of all values if a stratum has one value. The interval of a single value is
+/// unbounded.
 pub(super) fn mean_of_strata(strata: &[Vec<f64>]) -> Estimate {
     let value = mean(strata.iter().flatten());
     let n = strata.iter().map(Vec::len).sum::<usize>() as f64;
@@ -126,7 +126,7 @@ pub(super) fn mean_of_probabilities(strata: &[Vec<f64>]) -> Estimate {
     if values.len() < 2 {
         return Estimate { value, low: 0.0, high: 1.0 };
     }
-    // Good flights have probabilities near 1, so that further values near 1 would change little.
+    // Good flights have probabilities close to 1, so further values close to 1 would change little.
     let [lowest, highest] =
         [value, 1.0 - value].map(|distance| UNSEEN * (2.0 * distance).clamp(0.0, 1.0).sqrt());
     let [low, high] = Posterior::ends(values, [(0.0, lowest), (1.0, highest)]);
@@ -138,21 +138,20 @@ pub(super) fn mean_of_probabilities(strata: &[Vec<f64>]) -> Estimate {
 /// distribution, with a parameter of 1 for each value (Rubin's Bayesian bootstrap, Annals of
 /// Statistics 9, 1981) and a separate parameter for a hypothetical unseen value.
 ///
-/// If the parameter of the unseen value is 1 as well, the end on its side is Gaffke's bound
-/// (preprint, Magdeburg 2005, and Learned-Miller, Thomas, arXiv:1905.06208). As far as is known,
-/// this bound holds for any distribution. For proportions it equals that of Clopper and Pearson.
+/// If the parameter of the unseen value is also 1, the end on its side is Gaffke's bound (preprint,
+/// Magdeburg 2005, and Learned-Miller, Thomas, arXiv:1905.06208). This bound is conjectured to hold
+/// for any distribution. For proportions it equals the bound of Clopper and Pearson.
 struct Posterior {
     values: Vec<f64>,
-    /// The unseen value and its parameter.
+    /// Unseen value and its parameter.
     unseen: (f64, f64),
 }
 
 impl Posterior {
-    /// Returns the ends of the 95 % interval of the mean, with an unseen value on either side.
+    /// Returns the ends of the 95 % interval of the mean, given an unseen value on each side.
     ///
-    /// Each side has half of the probability of a miss. If an unseen value moves an end far out,
-    /// that end is seldom missed without it, and the other end gets the unused part of the
-    /// probability.
+    /// Each side is allotted half of the error probability. If an unseen value moves an end far
+    /// outward, the interval rarely misses on that side, so the other end receives the unused part.
     fn ends(values: Vec<f64>, unseen: [(f64, f64); 2]) -> [f64; 2] {
         let half = 0.5 * (1.0 - LEVEL);
         let mirrored = values.iter().map(|x| -x).collect();
@@ -171,12 +170,12 @@ impl Posterior {
         [low, -high]
     }
 
-    /// Returns a point, and the probability of a mean below it. The point belongs to the saddle
-    /// nearest to the values among those for which `is_beyond` is false. `is_beyond` must be true
-    /// near the values and false far from them.
+    /// Returns a point, and the probability that the mean lies below the point. The point belongs
+    /// to the saddle that is nearest to the values among those for which `is_beyond` is false.
+    /// `is_beyond` must be true near the values and false far from them.
     fn solve(&self, is_beyond: impl Fn(f64, f64) -> bool) -> (f64, f64) {
         let least = self.weighted().map(|(x, _)| x).fold(f64::INFINITY, f64::min);
-        // Natural logarithms of the distances of the saddle from the lowest value.
+        // Natural logarithms of the saddle's distances from the lowest value.
         let (mut near, mut far) = (-30.0, 8.0);
         for _ in 0..BISECTIONS {
             let middle = 0.5 * (near + far);
@@ -192,8 +191,8 @@ impl Posterior {
 
     /// Returns the point whose saddle is at `saddle`, below all values, and the probability of a
     /// mean below the point. The method is that of Lugannani and Rice, Advances in Applied
-    /// Probability 12 (1980), in the form of Barndorff-Nielsen. For proportions the ends are within
-    /// 0.005 of the exact ones.
+    /// Probability 12 (1980), in the form of Barndorff-Nielsen. For proportions the ends agree with
+    /// the exact ones to within 0.005.
     ///
     /// The mean is below c if `Σ γ (x - c) < 0`, with gamma-distributed γ. The cumulants of this
     /// sum have a saddle, whose pole u determines the point: c - u is the harmonic mean of x - u.
@@ -213,7 +212,7 @@ impl Posterior {
             curvature += weight * slope * slope;
         }
         let (r, q) = (ratio.max(0.0).sqrt(), curvature.sqrt());
-        // If all values are equal, there is no spread.
+        // There is no spread if all values are equal.
         let z = if r.min(q) < 1e-7 { 0.0 } else { r + libm::log(q / r) / r };
         (point, 0.5 * libm::erfc(z * std::f64::consts::FRAC_1_SQRT_2))
     }
@@ -225,13 +224,13 @@ impl Posterior {
     }
 }
 
-/// Returns the values shifted so that each stratum has the given mean, and scaled so that their
-/// variance about it is the variance within strata.
+/// Returns the values, shifted so that every stratum has the given mean, and scaled so that their
+/// variance about that mean is the variance within strata.
 fn about(value: f64, strata: &[Vec<f64>]) -> Vec<f64> {
     let strata = pooled(strata);
     let n = strata.iter().map(Vec::len).sum::<usize>() as f64;
     let values = strata.iter().flat_map(|values| {
-        // Bessel's correction for each stratum, divided by that for a single stratum of all values.
+        // Bessel's correction of each stratum, divided by that of a single stratum with all values.
         let (n_values, middle) = (values.len() as f64, mean(values));
         let bessel = n_values / (n_values - 1.0).max(1.0) * (n - 1.0) / n;
         values.iter().map(move |x| value + bessel.sqrt() * (x - middle))
@@ -249,7 +248,7 @@ fn pooled(strata: &[Vec<f64>]) -> Vec<Vec<f64>> {
 /// Wilson's interval with the variance taken at its center. If about one flight in five studies
 /// differs, Wilson's interval contains the true value in 84 % of cases, and this one in 90 to 99 %.
 pub(super) fn proportion(values: impl IntoIterator<Item = bool>) -> Estimate {
-    // The 97.5 % quantile of the normal distribution.
+    // 97.5 % quantile of the normal distribution.
     const Z: f64 = 1.959_964;
     let hits: Vec<f64> = values.into_iter().map(f64::from).collect();
     let (value, n) = (mean(&hits), hits.len() as f64 + Z * Z);
@@ -260,9 +259,8 @@ pub(super) fn proportion(values: impl IntoIterator<Item = bool>) -> Estimate {
 
 /// Returns the mean of differences, with a confidence interval at `level` for the center of their
 /// distribution, by Hartigan's typical values. Returns `None` if there are too few differences. At
-/// levels that the drawn subsets do not resolve, such as for more than thirty contenders, the
-/// interval is wider: it is Hoeffding's bound (Journal of the ASA 58, 1963) on the means of all
-/// subsets.
+/// levels that the drawn subsets cannot resolve, for example with more than thirty contenders, the
+/// result is Hoeffding's wider bound (Journal of the ASA 58, 1963) on the means of all subsets.
 pub(super) fn center(differences: &[f64], level: f64) -> Option<Estimate> {
     let (n, value) = (differences.len() as f64, mean(differences));
     let mut means = subset_means(differences);
@@ -287,10 +285,9 @@ pub(super) fn least_for_center(level: f64) -> u32 {
     libm::ceil(libm::log2(2.0 / (1.0 - level)) - 1e-9) as u32
 }
 
-/// Returns the means of all subsets except the empty one, or of [`SUBSETS`] random ones.
+/// Returns the means of all nonempty subsets, or of [`SUBSETS`] random ones.
 fn subset_means(values: &[f64]) -> Vec<f64> {
-    // There is a table of sums for every eight values, so that the mean of a subset needs one
-    // look-up in each table.
+    // Each table contains the sums for eight values, so a subset's mean takes a look-up per table.
     let tables: Vec<Vec<(f64, u32)>> = values.chunks(8).map(subset_sums).collect();
     if values.len() <= MAX_ENUMERATED {
         let masks = 0..1_usize << values.len();
@@ -322,7 +319,7 @@ fn subset_mean(tables: &[Vec<(f64, u32)>], indices: impl Iterator<Item = usize>)
 /// Returns the 97.5 % quantile of Student's t-distribution with `freedom` degrees of freedom (Hill,
 /// Communications of the ACM 13, 1970, algorithm 396).
 fn student_t(freedom: f64) -> f64 {
-    // Probability of both tails together, and the normal quantile of one of them.
+    // Probability of both tails together, and the normal quantile of one tail.
     const BEYOND: f64 = 0.05;
     const NORMAL: f64 = -1.959_964;
     // Student's distribution has closed forms for one and two degrees of freedom.
@@ -332,14 +329,14 @@ fn student_t(freedom: f64) -> f64 {
     if freedom < 3.0 {
         return (2.0 / (BEYOND * (2.0 - BEYOND)) - 2.0).sqrt();
     }
-    // The names of the variables are those of Hill's algorithm.
+    // The variable names are taken from Hill's algorithm.
     let a = 1.0 / (freedom - 0.5);
     let b = 48.0 / (a * a);
     let mut c = ((20_700.0 * a / b - 98.0) * a - 16.0) * a + 96.36;
     let d = ((94.5 / (b + c) - 3.0) / b + 1.0) * (0.5 * a * std::f64::consts::PI).sqrt() * freedom;
     let mut y = libm::pow(d * BEYOND, 2.0 / freedom);
     if y > 0.05 + a {
-        // Many degrees of freedom: an asymptotic inverse expansion about the normal quantile.
+        // For many degrees of freedom, an asymptotic inverse expansion about the normal quantile.
         let x = NORMAL;
         y = x * x;
         if freedom < 5.0 {
@@ -349,7 +346,7 @@ fn student_t(freedom: f64) -> f64 {
         y = (((((0.4 * y + 6.3) * y + 36.0) * y + 94.5) / c - y - 3.0) / b + 1.0) * x;
         y = libm::expm1(a * y * y);
     } else {
-        // Few degrees of freedom: an expansion in the tail.
+        // For few degrees of freedom, an expansion in the tail is used.
         let tail = (1.0
             / (((freedom + 6.0) / (freedom * y) - 0.089 * d - 0.822) * (freedom + 2.0) * 3.0)
             + 0.5 / (freedom + 4.0))
@@ -359,7 +356,7 @@ fn student_t(freedom: f64) -> f64 {
     (freedom * y).sqrt()
 }
 
-/// Returns a statistic of all values together, with its 95 % percentile bootstrap interval.
+/// Returns a statistic of all values, with its 95 % percentile bootstrap interval.
 pub(super) fn bootstrap(strata: &[Vec<f64>], statistic: impl Fn(&mut [f64]) -> f64) -> Estimate {
     let (mut values, strata) = (strata.concat(), pooled(strata));
     let value = statistic(&mut values);
@@ -367,7 +364,7 @@ pub(super) fn bootstrap(strata: &[Vec<f64>], statistic: impl Fn(&mut [f64]) -> f
         return Estimate { value, low: value, high: value };
     }
     let mut rng = ChaCha8Rng::seed_from_u64(0);
-    // Each sample draws, with replacement, as many values from a stratum as the stratum has.
+    // For each sample, as many values as a stratum contains are drawn from it with replacement.
     let samples = (0..RESAMPLES).map(|_| {
         values.clear();
         for stratum in &strata {
@@ -424,7 +421,7 @@ mod tests {
             let t = student_t(freedom);
             assert!((t - wanted).abs() < 1e-3, "{freedom}: {t}");
         }
-        // The wanted values are from R's binom.confint(x, n, methods = "agresti-coull").
+        // The expected values are from R's binom.confint(x, n, methods = "agresti-coull").
         for (hits, n, low, high) in [(0, 10, 0.0, 0.3209), (8, 10, 0.4794, 0.9541)] {
             let estimate = proportion((0..n).map(|i| i < hits));
             assert!(
@@ -436,7 +433,7 @@ mod tests {
 
     #[test]
     fn ends_of_proportions_are_those_of_beta_distributions() {
-        // The wanted values are from R's qbeta(0.025, hits, 10 - hits + weight). A weight of 1
+        // The expected values are from R's qbeta(0.025, hits, 10 - hits + weight). A weight of 1
         // gives the interval of Clopper and Pearson.
         let wanted = [(8, 1.0, 0.4439), (8, 0.5, 0.4775), (10, 1.0, 0.6915), (10, 0.5, 0.7731)];
         for (hits, weight, wanted) in wanted {
@@ -497,7 +494,7 @@ mod tests {
 
     #[test]
     fn intervals_hold_what_they_promise() {
-        // Of 300 samples of 30 uniform numbers, 95 % have intervals that contain the true mean.
+        // Of 300 samples of 30 uniform numbers, 95 % should have intervals with the true mean.
         let mut rng = ChaCha8Rng::seed_from_u64(7);
         let samples = (0..300).map(|_| (0..30).map(|_| rng.random()).collect());
         let estimates = samples.map(|values| mean_of_strata(&[values]));

@@ -1,9 +1,9 @@
-//! Store: a folder of flights from which no flight is ever lost.
+//! Store: a folder of recorded flights that survives a killed program.
 //!
 //! `study.json` names the program that wrote the folder. `flights.jsonl` contains one JSON object
 //! per line, which `jq`, `pandas.read_json(lines=True)` and `DuckDB` can read directly. A record is
-//! appended by a single write of one line. If the program is killed, half a line at most remains at
-//! the end, and the next run removes it. Only one program at a time writes to the folder (`lock`).
+//! appended by a single write of one line. If the program is killed, at most a partial line remains
+//! at the end, which the next run removes. Only one program at a time can write (`lock`).
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -20,13 +20,13 @@ use noctograph_core::error::{Error, Place, Result};
 use noctograph_core::files::{Limit, Output};
 use noctograph_core::input_error;
 
-/// Version of the folder's layout and of the meaning of its figures. Since version 2 a more
-/// probable rival limits `probability`.
+/// Version of the folder's layout and of the meaning of its figures. Since version 2, `probability`
+/// is limited by a more probable rival.
 const FORMAT: u32 = 2;
 /// Number of records between two syncs to disk. A power failure loses the records since the last
 /// sync, but a killed program loses none.
 const SYNC_EVERY: usize = 64;
-/// Maximum length of a line that is accepted.
+/// Maximum length of a line.
 const MAX_LINE_BYTES: usize = 1 << 20;
 /// Maximum size of a file of flights.
 const LIMIT: Limit = Limit { bytes: 320 << 20, what: "a store of flights", hint: ANOTHER };
@@ -36,10 +36,10 @@ const HEADER: Limit = Limit { bytes: 1 << 12, what: "the header of a store", hin
 /// Names of the folder's other files.
 const HEADER_FILE: &str = "study.json";
 const LOCK: &str = "lock";
-/// Bytes with which every line begins.
+/// Bytes at the start of every line.
 const BEGINNING: &[u8] = b"{\"scene\":\"";
 
-/// Record of one flight, a line of a store.
+/// Record of one flight, stored as a line.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Record {
     /// Digest of the prepared scene: [`super::Prepared::digest`].
@@ -55,7 +55,7 @@ pub struct Record {
     pub outcome: Outcome,
 }
 
-/// The program that wrote a folder, and the folder's layout version.
+/// Header: the program that wrote a folder, and the folder's layout version.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 struct Header {
     noctograph: String,
@@ -68,15 +68,15 @@ pub struct Store {
     path: PathBuf,
     known: OutcomesByScene,
     log: Mutex<Log>,
-    /// Lock file, which stays locked as long as the store is open.
+    /// Lock file, which stays locked while the store is open.
     _lock: File,
 }
 
-/// Outcomes by the scene and the seed of their flight.
+/// Outcomes by scene, and by the seed of the flight.
 type OutcomesByScene = BTreeMap<String, BTreeMap<u64, Outcome>>;
 
-/// Adds the outcome of a flight from the file `path`. Returns true if the flight is new. Refuses a
-/// second, different outcome of the same flight.
+/// Adds the outcome of a flight from the file `path`. Returns true if the flight is new. Returns an
+/// error if the flight already has a different outcome.
 fn add(known: &mut OutcomesByScene, record: Record, path: &Path) -> Result<bool> {
     let Record { scene, seed, outcome, word, .. } = record;
     match known.entry(scene).or_default().entry(seed) {
@@ -98,13 +98,13 @@ fn add(known: &mut OutcomesByScene, record: Record, path: &Path) -> Result<bool>
 #[derive(Debug)]
 struct Log {
     file: File,
-    /// Total length of the complete lines in bytes.
+    /// Total length of the complete lines, in bytes.
     length: u64,
     n_flights: usize,
 }
 
 impl Store {
-    /// Name of the file with the flights.
+    /// Name of the file that contains the flights.
     pub const FLIGHTS: &str = "flights.jsonl";
 
     /// Opens the store in a folder, or creates it.
@@ -133,19 +133,19 @@ impl Store {
             n_flights += 1;
             add(&mut known, record, &path).map(drop)
         })?;
-        // Half a line that a killed program left is removed.
+        // A partial line left by a killed program is removed.
         truncate(&mut file, length).map_err(|source| Error::write(&path, source))?;
         let log = Mutex::new(Log { file, length, n_flights });
         Ok(Self { path, known, log, _lock: lock })
     }
 
     /// Returns the outcome of a flight that was stored before the store was opened, or that was
-    /// taken from another file.
+    /// copied from another file.
     pub fn get(&self, scene: &str, seed: u64) -> Option<Outcome> {
         self.known.get(scene)?.get(&seed).cloned()
     }
 
-    /// Copies those flights of another file, such as a shard's, that the store lacks.
+    /// Copies those flights from another file, such as a shard's, that the store lacks.
     ///
     /// # Errors
     ///
@@ -157,7 +157,7 @@ impl Store {
         })
     }
 
-    /// Returns the number of flights for which [`Self::get`] has an outcome.
+    /// Returns the number of flights for which [`Self::get`] returns an outcome.
     pub fn n_known(&self) -> usize {
         self.known.values().map(BTreeMap::len).sum()
     }
@@ -167,8 +167,8 @@ impl Store {
     /// # Errors
     ///
     /// Returns [`Error::Io`], for example if the disk is full. The incomplete line is then removed,
-    /// and the lines before it stay. Returns [`Error::Input`] beyond the number of flights in the
-    /// largest study. Panics if another thread panicked while writing.
+    /// and the lines before it remain. Returns [`Error::Input`] if the store already has as many
+    /// flights as the largest study. Panics if another thread panicked while writing.
     pub fn put(&self, record: &Record) -> Result<()> {
         // The record is serialized before locking, so that threads wait only for the write.
         let line = line_of(record);
@@ -181,12 +181,12 @@ impl Store {
         Ok(())
     }
 
-    /// Reads all flights from a file of a store or a shard.
+    /// Reads all flights from the file of a store or a shard.
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Io`] if the file cannot be read. Returns [`Error::Input`] with the first
-    /// invalid line, and for more than 500,000 flights. Half a line at the end is ignored.
+    /// Returns [`Error::Io`] if the file cannot be read. Returns [`Error::Input`] for the first
+    /// invalid line, and for more than 500,000 flights. A partial line at the end is ignored.
     pub fn read(path: &Path) -> Result<Vec<Record>> {
         let mut records = Vec::new();
         each_line(LIMIT.open(path)?, path, |record| {
@@ -196,11 +196,11 @@ impl Store {
         Ok(records)
     }
 
-    /// Writes a file of flights under a temporary name, and renames it when it is on disk.
+    /// Writes a file of flights under a temporary name, and renames it once it is on disk.
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Io`], in which case no file is left.
+    /// Returns [`Error::Io`], in which case no file remains.
     pub fn write(path: &Path, records: &[Record]) -> Result<()> {
         let lines: Vec<u8> = records.iter().flat_map(line_of).collect();
         Output::create(path)?.keep_on_disk(lines).map(drop)
@@ -210,18 +210,17 @@ impl Store {
 impl Drop for Store {
     fn drop(&mut self) {
         if let Ok(log) = self.log.lock() {
-            // The sync protects against a power failure. Lines that were written outlive the
-            // program anyway.
+            // The sync protects against a power failure. Written lines survive the program anyway.
             let _ = log.file.sync_data();
         }
     }
 }
 
 impl Log {
-    /// Appends a line, or leaves the file unchanged. Syncs every [`SYNC_EVERY`] flights.
+    /// Appends a line, or leaves the file unchanged on failure. Syncs every [`SYNC_EVERY`] flights.
     fn append(&mut self, line: &[u8]) -> std::io::Result<()> {
         if let Err(error) = self.file.write_all(line) {
-            // The next record must follow the last complete line.
+            // The next record must be written directly after the last complete line.
             let _ = truncate(&mut self.file, self.length);
             return Err(error);
         }
@@ -249,8 +248,8 @@ fn truncate(file: &mut File, length: u64) -> std::io::Result<()> {
     file.seek(SeekFrom::End(0)).map(drop)
 }
 
-/// Locks the folder for this process until the returned file is closed. Refuses a folder that
-/// another process has locked.
+/// Locks the folder for this process until the returned file is closed. Returns an error if another
+/// process has locked the folder.
 fn lock(folder: &Path) -> Result<File> {
     let path = folder.join(LOCK);
     let file = writable(&path)?;
@@ -289,7 +288,7 @@ fn check_header(folder: &Path) -> Result<()> {
                                                      study",
         )
     })?;
-    // Another build may have different outcomes, even if it has the same version number.
+    // Another build may produce different outcomes, even with the same version number.
     if (&noctograph, format) == (&ours.noctograph, FORMAT) {
         return Ok(());
     }
@@ -302,14 +301,14 @@ fn check_header(folder: &Path) -> Result<()> {
     ))
 }
 
-/// Returns the error for more flights than the largest study has.
+/// Returns the error for more flights than the largest study contains.
 fn too_many(place: impl Into<Place>) -> Error {
     let number = format!("more than {MAX_TRIALS} flights");
     Error::input(place, number, "at most the flights of the largest study", ANOTHER)
 }
 
 /// Calls `f` with the record of each complete line, and returns the total length of these lines in
-/// bytes. Half a line written by this program may follow them.
+/// bytes. A partial line written by this program may follow them.
 fn each_line(file: impl Read, path: &Path, mut f: impl FnMut(Record) -> Result<()>) -> Result<u64> {
     let mut reader = BufReader::new(file);
     let (mut count, mut length, mut line) = (0, 0, Vec::new());
@@ -317,7 +316,7 @@ fn each_line(file: impl Read, path: &Path, mut f: impl FnMut(Record) -> Result<(
         line.clear();
         let limited = Read::take(&mut reader, MAX_LINE_BYTES as u64);
         let n = { limited }.read_until(b'\n', &mut line).map_err(|e| Error::read(path, e))?;
-        // Half a line at the end is ignored if this program wrote it. Any other text is an error
+        // A partial line at the end is ignored if this program wrote it. Any other text is an error
         // below, so that no foreign text is removed.
         let is_ours = line.starts_with(BEGINNING) || BEGINNING.starts_with(&line);
         if n == 0 || (line.last() != Some(&b'\n') && n < MAX_LINE_BYTES && is_ours) {

@@ -1,4 +1,4 @@
-//! Submissions: reads the scenes that a course hands in for a task, and reports refused ones.
+//! Submissions: reads the scenes that students submit for a task, and reports refused ones.
 
 use std::path::{Path, PathBuf};
 
@@ -7,30 +7,30 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{ending, entries_in, file_name};
 use noctograph_pipeline::scene::{NamedScene, SceneTask};
 
-/// The submissions for a task after reading.
+/// Submissions for a task, sorted into accepted and refused ones.
 #[derive(Debug, Default)]
 pub struct Submissions {
-    /// Accepted scenes, named as in the results.
+    /// Accepted scenes, with their names in the results.
     pub scenes: Vec<NamedScene>,
     /// Submissions that are invalid or change forbidden keys, and other entries of folders.
     pub refused: Vec<Unranked>,
-    /// Messages, one for each folder with hidden files, which are ignored.
+    /// Messages about ignored hidden files, one for each folder that contains any.
     pub passed_over: Vec<String>,
 }
 
-/// A file or a folder's entry, with its name in the results.
+/// A file or a folder entry, with its name in the results.
 struct Submitted {
     path: PathBuf,
     name: String,
-    /// Reason why it is not a submission, if it is not.
+    /// Reason for refusal, if the entry is not a submission.
     refused: Option<&'static str>,
 }
 
 /// Reads submissions: files (TOML), folders of files, and folders with a folder for each student,
-/// as learning platforms export them. The name of a result consists of the names of the student's
-/// folder and of the file. If two results would have the same name, they are named by the ends of
-/// their paths that differ. Every other entry of a folder gets a result with the reason for
-/// refusal, except hidden files, which are only listed.
+/// as learning platforms export them. A result is named after the student's folder and the file. If
+/// two results would have the same name, each is named after the end of its path that makes it
+/// unique. Every other entry of a folder gets a result with the reason for refusal, except hidden
+/// files, which are only listed.
 ///
 /// # Errors
 ///
@@ -51,7 +51,7 @@ pub fn submissions(task: &SceneTask, named: &[String]) -> Result<Submissions> {
     }
     let mut read = Submissions { passed_over, ..Submissions::default() };
     for Submitted { path, name, refused } in &submitted {
-        // The longer name is used only if two files have one name, so that names stay short.
+        // The longer name is used only if two files have the same name, so that names stay short.
         let is_shared = submitted.iter().filter(|other| other.name == *name).count() > 1;
         let name = if is_shared { distinct_name(path, &submitted) } else { name.clone() };
         let scene = match refused {
@@ -69,8 +69,7 @@ pub fn submissions(task: &SceneTask, named: &[String]) -> Result<Submissions> {
     Ok(read)
 }
 
-/// Appends the entries of a folder, or of a student's folder within it. `student` is the name of
-/// the student's folder.
+/// Appends the entries of a folder, or of the folder of `student` within it.
 fn gather(
     folder: &Path,
     student: Option<&str>,
@@ -94,7 +93,7 @@ fn gather(
             submitted.push(Submitted { path, name, refused });
         }
     }
-    // A student without a file gets a result, too.
+    // A student without a file is also listed.
     if let Some(student) = student.filter(|_| submitted.len() == n_before) {
         let (path, name) = (folder.to_owned(), student.to_owned());
         submitted.push(Submitted { path, name, refused: Some("it contains no file *.toml") });
@@ -122,8 +121,7 @@ fn refusal(path: &Path, is_in_student: bool) -> Option<&'static str> {
     })
 }
 
-/// Returns the shortest end of a path that no other submission has, or the whole path if it is
-/// given twice.
+/// Returns the shortest unique end of a path, or the whole path if it is given twice.
 fn distinct_name(path: &Path, submitted: &[Submitted]) -> String {
     for n in 1..=path.components().count() {
         // The end without the file's extension is tried first.

@@ -1,11 +1,11 @@
-//! Writes results of studies as CSV, with a row for each flight, scene or candidate.
+//! Writes study results as CSV, with a row for each flight, scene or candidate.
 
 use serde::Serialize;
 use serde_json::Value;
 
 use super::{Flown, Knob, Measures, Ranking, Record, Tuned};
 
-/// A column: its name, and the JSON pointer to its value within a row.
+/// A column: its name, and the JSON pointer to its value in a row.
 type Column = (String, String);
 
 /// Returns CSV with a row for each flight, in the order of the study.
@@ -16,7 +16,7 @@ pub fn flights_csv(records: &[Record]) -> String {
     table(verdict.chain(flown).chain(columns("lost")), records.iter().map(value))
 }
 
-/// Returns CSV with a row for each scene, the best first, with 95 % intervals.
+/// Returns CSV with a row for each scene, best first, with 95 % intervals.
 pub fn ranking_csv(ranking: &Ranking) -> String {
     let read = ["legibility", "legible", "worst_decile", "all_read"];
     let flown = Flown::<f64>::NAMES.map(|name| estimate(name, &format!("flown/{name}")));
@@ -35,12 +35,12 @@ pub fn ranking_csv(ranking: &Ranking) -> String {
     table(columns, ranked.chain(ranking.unranked.iter().map(value)))
 }
 
-/// Returns CSV with a row for each submission. Its marks are 100 times P(read), or 0 if the
+/// Returns CSV with a row for each submission. The mark is 100 times P(read), or 0 if the
 /// submission is not ranked.
 pub fn marks_csv(ranking: &Ranking) -> String {
     let ranked = ranking.measures.iter().map(|measures| {
         let Measures { n_lost, n_flights, .. } = measures;
-        // Lost flights and identical submissions are noted, because a person must look at them.
+        // Lost flights and identical submissions are noted for review by a person.
         let lost = (*n_lost > 0).then(|| format!("lost on {n_lost} of {n_flights} flights"));
         let equal = measures.equal_to.as_ref().map(|other| format!("flies exactly as {other}"));
         let mut row = value(measures);
@@ -58,8 +58,7 @@ pub fn marks_csv(ranking: &Ranking) -> String {
     table(columns(names), ranked.chain(unranked))
 }
 
-/// Returns CSV with a row for each candidate, in the order of the search, including the value of
-/// each key that a knob varies.
+/// Returns CSV with a row for each candidate in search order, with the values of varied keys.
 pub fn candidates_csv(tuned: &Tuned, knobs: &[Knob]) -> String {
     let keys = knobs.iter().flat_map(|knob| &knob.keys);
     let columns = columns("number flights=n_flights given_up merit legibility")
@@ -79,8 +78,7 @@ fn column(name: &str, path: &str) -> Column {
     (name.to_owned(), format!("/{path}"))
 }
 
-/// Returns columns from names that are separated by spaces. If a path differs from the name, it
-/// follows the name after `=`.
+/// Returns columns from names separated by spaces. A different path follows its name after `=`.
 fn columns(names: &str) -> impl Iterator<Item = Column> {
     names.split(' ').map(|name| {
         let (name, path) = name.split_once('=').unwrap_or((name, name));
@@ -88,8 +86,7 @@ fn columns(names: &str) -> impl Iterator<Item = Column> {
     })
 }
 
-/// Returns the columns of an [`Estimate`](super::statistics::Estimate): value and ends of its
-/// interval.
+/// Returns the columns of an [`Estimate`](super::statistics::Estimate): value and interval.
 fn estimate(name: &str, path: &str) -> [Column; 3] {
     [("", "value"), ("_low", "low"), ("_high", "high")]
         .map(|(end, part)| column(&format!("{name}{end}"), &format!("{path}/{part}")))
@@ -100,7 +97,7 @@ fn value(row: &impl Serialize) -> Value {
     serde_json::to_value(row).expect("results are plain data")
 }
 
-/// Returns CSV with a header of column names. A value that a row lacks is an empty cell.
+/// Returns CSV with a header of column names. A value that a row lacks becomes an empty cell.
 fn table(columns: impl Iterator<Item = Column>, rows: impl Iterator<Item = Value>) -> String {
     let (names, paths): (Vec<String>, Vec<String>) = columns.unzip();
     let mut out = csv::Writer::from_writer(Vec::new());
@@ -112,10 +109,9 @@ fn table(columns: impl Iterator<Item = Column>, rows: impl Iterator<Item = Value
     String::from_utf8(out.into_inner().expect("in memory")).expect("text was written")
 }
 
-/// Returns a JSON value as a CSV cell. Students choose the names of submissions, so that their
-/// texts are made harmless: an apostrophe before `=+-@` keeps a spreadsheet from interpreting them
-/// as a formula (OWASP, CSV injection), and control characters, which a terminal would execute,
-/// become U+FFFD.
+/// Returns a JSON value as a CSV cell. Students choose the names of submissions, so their text is
+/// made harmless: an apostrophe before `=+-@` prevents a spreadsheet from interpreting it as a
+/// formula (OWASP, CSV injection), and control characters, which terminals execute, become U+FFFD.
 fn cell(value: &Value) -> String {
     match value {
         Value::Null => String::new(),

@@ -17,28 +17,28 @@ use noctograph_pipeline::shoot::{Judging, Recording, Shoot};
 use noctograph_plan::Plan;
 use noctograph_score::{CALIBRATION, Reader, ScoreOptions};
 
-/// Height of capitals on the film that is read. The reader resamples capitals to a height of 32.
-/// Fewer pixels blur the trail, and more pixels cost time. For 20 words, each flown twice, the
-/// probability differs from that at 1920 × 1080 by 0.017 on average, and by 0.21 at most, for the
-/// word Illi. All scenes are compared on this film.
+/// Cap height on the film that is read. The reader resamples capitals to a height of 32 pixels.
+/// Fewer pixels blur the trail, and more pixels take longer. For 20 words, each flown twice, the
+/// probability differs from that at 1920 × 1080 by 0.017 on average, and by at most 0.21, which
+/// occurs for the word Illi. All scenes are compared at this resolution.
 const CAP_HEIGHT_PX: f64 = 48.0;
 
 /// A scene that is prepared for flying a word with many seeds.
 #[derive(Clone, Debug)]
 pub struct Prepared {
     scene: Scene,
-    /// The shoot of the scene, with a small film.
+    /// Shoot of the scene, with a small film.
     shoot: Shoot,
     conditions: Conditions,
     digest: String,
-    /// Reason why there is no plan, and advice: the drone is lost while the plan is made, or the
+    /// Reason why there is no plan, and advice. Either the drone is lost during planning, or the
     /// plan would take hours.
     unplanned: Option<[String; 2]>,
 }
 
 impl Prepared {
-    /// Prepares a scene for a word. If it cannot be planned, for example because its gain loses the
-    /// drone, every outcome is a lost drone, so that a bad candidate does not end a study.
+    /// Prepares a scene for a word. If the scene cannot be planned, for example because its gain
+    /// loses the drone, every outcome is a lost drone, so a bad candidate does not end a study.
     ///
     /// # Errors
     ///
@@ -48,7 +48,7 @@ impl Prepared {
         let mut scene = Scene { seed: 0, ..named.scene.clone() };
         scene.set_word(word);
         scene.check()?;
-        // A scene without a plan still gets a shoot, and all of its seeds have the same outcome.
+        // A scene without a plan has a shoot as well, and all of its seeds have the same outcome.
         let (mut shoot, unplanned) = match Shoot::new(scene.clone()) {
             Err(Error::Infeasible { what, hint, .. }) => {
                 (Shoot::with_plans(scene.clone(), Vec::new())?, Some([what, hint]))
@@ -88,7 +88,7 @@ impl Prepared {
         }
     }
 
-    /// Returns the scene with seed 0 and the word.
+    /// Returns the scene, which has seed 0 and contains the word.
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
@@ -124,7 +124,7 @@ impl Prepared {
     }
 
     /// Exposes and reads the flights of a seed, and returns the outcome. If a lamp passes in front
-    /// of the lens, there is no photo, and the drone counts as lost.
+    /// of the lens, there is no photo, and the drone is counted as lost.
     pub fn judge(&self, flights: Result<Vec<Flight>>, seed: u64) -> Result<Outcome> {
         let shot = flights.and_then(|flights| {
             let recordings = flights.into_iter().map(Recording::Flight).collect();
@@ -144,8 +144,7 @@ impl Prepared {
         Record { scene, contender, word: self.word().to_owned(), seed, outcome }
     }
 
-    /// Takes the photo of one seed, in which capitals are `cap_height_px` high, or as high as in
-    /// the scene if that is less.
+    /// Takes the photo for one seed, with capitals `cap_height_px` high, or the scene's if smaller.
     pub fn photo(&self, seed: u64, cap_height_px: f64) -> Result<Photo> {
         let mut shoot = Shoot { judging: Judging::Skipped, ..self.shoot(seed) };
         shoot.scene.camera = self.scene.camera.clone();
@@ -155,7 +154,7 @@ impl Prepared {
     }
 }
 
-/// Separates a lost drone from other errors: `Ok(Err)` contains the cause of the loss.
+/// Separates a lost drone from other errors. `Ok(Err)` contains the cause of the loss.
 pub(super) fn or_lost<T>(flown: Result<T>) -> Result<std::result::Result<T, String>> {
     match flown {
         Ok(flown) => Ok(Ok(flown)),
@@ -165,16 +164,16 @@ pub(super) fn or_lost<T>(flown: Result<T>) -> Result<std::result::Result<T, Stri
 }
 
 /// Reduces the camera's resolution until capitals are at most `cap_height_px` high. Each pixel is
-/// then the mean of many pixels and has hardly any noise, so that the noise is switched off.
+/// then the mean of many pixels with hardly any noise, so the noise is switched off.
 pub(super) fn shrink(shoot: &mut Shoot, cap_height_px: f64) -> Result<()> {
     let Some(strokes) = &shoot.strokes else { return Ok(()) };
     let end_s = shoot.plans.iter().map(|planned| planned.plan.duration_s()).fold(0.0, f64::max);
     let (bounds_m @ [left, bottom, right, top], scene) = (strokes.bounds_m(), &mut shoot.scene);
     scene.camera.shutter_close_s.get_or_insert(end_s);
-    // The height of the word in pixels is measured in its middle.
+    // The height of the word in pixels is measured at its middle.
     let camera = scene.camera.camera(bounds_m, end_s)?;
     let ends_m = [bottom, top].map(|z_m| Vector3::new(0.5 * (left + right), 0.0, z_m));
-    // If the word is not in front of the camera, the resolution stays as it is.
+    // If the word is not in front of the camera, the resolution is not changed.
     let [Some(low), Some(high)] = ends_m.map(|m| camera.image_from_world(m)) else { return Ok(()) };
     let factor = cap_height_px / libm::hypot(low.x_px - high.x_px, low.y_px - high.y_px);
     if factor >= 1.0 {
@@ -188,8 +187,7 @@ pub(super) fn shrink(shoot: &mut Shoot, cap_height_px: f64) -> Result<()> {
     Ok(())
 }
 
-/// Maximum number of readers kept for further scenes. Preparing a reader takes as long as reading
-/// ten photos.
+/// Maximum number of cached readers. Preparing a reader takes as long as reading ten photos.
 const MAX_READERS: usize = 64;
 
 /// Returns the reader of a word, which is shared by all scenes with the same strokes and options.
@@ -264,7 +262,7 @@ mod tests {
         assert_eq!((outcome.probability, outcome.flown), (0.0, None));
         assert!(outcome.lost.is_some() && !outcome.all_read, "{outcome:?}");
 
-        // The drone is lost in the rehearsal of the plan, so that there is no plan.
+        // The drone is lost while the plan is rehearsed, so there is no plan.
         let ready = prepared("I", |scene| {
             scene.plan = PlanOptions::even();
             scene.controller.lqr.q = [1e9; 12];

@@ -1,14 +1,13 @@
-//! Tuning: searches for the values of a scene's knobs at which its words are read most reliably.
+//! Tuning: searches for the values of a scene's knobs at which words are read most reliably.
 //!
-//! 1. Search: each candidate flies the training words with the training seeds. The objective is
-//!    the candidate's mean merit ([`Outcome::merit`](super::Outcome::merit)), less a penalty for
-//!    exceeded limits. A candidate below the median of the others after half of its flights is
-//!    abandoned (median rule: Golovin et al., "Google Vizier", KDD 2017).
-//! 2. Finals: the best few candidates and the original scene fly again with new seeds, because
-//!    the candidate with the best results in a search owes some of them to luck.
-//! 3. Test: the winner, which owes some of its lead to luck as well, is compared with the
-//!    original scene on further seeds. The winner becomes the result only if it is distinguishably
-//!    better.
+//! 1. Search: each candidate flies the training words with the training seeds. The objective is the
+//!    candidate's mean merit ([`Outcome::merit`](super::Outcome::merit)), less a penalty for
+//!    exceeded limits. A candidate that is below the median of the others after half of its flights
+//!    is abandoned (median rule: Golovin et al., "Google Vizier", KDD 2017).
+//! 2. Finals: the best few candidates and the original scene fly again with new seeds, because the
+//!    best result of a search is partly due to luck.
+//! 3. Test: the winner's lead is partly due to luck as well, so the winner is compared with the
+//!    original scene on further seeds. It becomes the result only if it is distinguishably better.
 
 use std::collections::BTreeMap;
 
@@ -29,11 +28,11 @@ use noctograph_sim::gain_design::{MOTOR_LAG_S, design};
 
 /// Number of finalists, including the original scene.
 const FINALISTS: usize = 6;
-/// Number of flights of a finalist, as a multiple of the flights of a candidate in the search.
+/// Number of a finalist's flights, as a multiple of a candidate's flights in the search.
 const FINAL_TIMES: u32 = 4;
 /// Name of the tuned scene in the final test.
 const TUNED: &str = "tuned";
-/// Minimum number of costs from which a median is taken.
+/// Minimum number of costs for which a median is computed.
 const LEAST_COSTS: usize = 5;
 /// Minimum number of candidates in a search.
 const LEAST_CANDIDATES: usize = 10;
@@ -47,7 +46,7 @@ const MAX_RMSE_M: [f64; 3] = [0.166, 0.116, 0.136];
 const MAX_DRIFT_Y_M: f64 = CORRIDOR_M;
 /// Maximum tilt at which the Lighthouse deck still sees its stations.
 const MAX_TILT_RAD: f64 = 30.0_f64.to_radians();
-/// Maximum fraction of the time that a motor spends at its limit.
+/// Maximum fraction of the time during which a motor is saturated.
 const MAX_SATURATED_FRAC: f64 = 0.05;
 
 /// Options of a tuning run.
@@ -55,14 +54,13 @@ const MAX_SATURATED_FRAC: f64 = 0.05;
 pub struct TuneOptions {
     /// The knobs to tune.
     pub knobs: Vec<Knob>,
-    /// Training words, each with the number of seeds that every candidate flies.
+    /// Training words, each with the number of seeds for every candidate.
     pub words: Vec<(String, u32)>,
-    /// Maximum number of flights in the search and the finals. The test is not included.
+    /// Maximum number of flights in the search and the finals, excluding the test.
     pub budget: usize,
-    /// Number of seeds of each word in the test. The minimum is six, the fewest that can
-    /// distinguish two scenes.
+    /// Number of seeds per word in the test, at least six, the fewest that distinguish two scenes.
     pub test_seeds: u32,
-    /// Maximum duration of a candidate's flight. `None`: that of the original scene.
+    /// Maximum duration of a candidate's flight. `None` stands for that of the original scene.
     pub longest_s: Option<f64>,
     /// Conditions that determine how flights differ from their scene.
     pub conditions: Conditions,
@@ -71,7 +69,7 @@ pub struct TuneOptions {
 }
 
 impl TuneOptions {
-    /// Returns the number of flights of a candidate in the search.
+    /// Returns the number of flights per candidate in the search.
     fn n_each(&self) -> usize {
         self.words.iter().map(|(_, n)| *n as usize).sum()
     }
@@ -81,7 +79,7 @@ impl TuneOptions {
         FINALISTS * self.n_each() * FINAL_TIMES as usize
     }
 
-    /// Returns the smallest budget: for the original scene, nine more candidates and the finals.
+    /// Returns the smallest budget, for the original scene, nine more candidates and the finals.
     pub fn least_budget(&self) -> usize {
         self.n_final() + LEAST_CANDIDATES * self.n_each()
     }
@@ -99,7 +97,7 @@ impl TuneOptions {
         let contenders = [("as it was", original), (TUNED, tuned)];
         let contenders = contenders.map(|(name, scene)| NamedScene::new(name, scene.clone()));
         let (contenders, conditions) = (contenders.into(), self.conditions.clone());
-        // `TESTS` makes these seeds differ from those of the search and the finals.
+        // `TESTS` makes the seeds differ from those of the search and the finals.
         let study = Study { contenders, words, conditions, seed: self.seed ^ TESTS };
         let trials: Vec<Trial> = study.trials().collect();
         let records = evaluate(&study, &study.prepare()?, &trials, store, stop, done)?;
@@ -111,7 +109,7 @@ impl TuneOptions {
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Input`] with the smallest budget for these words and seeds.
+    /// Returns [`Error::Input`] that states the smallest budget for these words and seeds.
     pub fn check(&self) -> Result<()> {
         let (n_each, least, n_knobs) = (self.n_each(), self.least_budget(), self.knobs.len());
         if n_each > 0 && n_knobs > 0 && self.budget >= least {
@@ -128,7 +126,7 @@ impl TuneOptions {
     }
 }
 
-/// A point of the search space with the figures of its flights.
+/// A point of the search space, and the figures of its flights.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Candidate {
     /// Index of the candidate in the order of the search.
@@ -149,7 +147,7 @@ pub struct Candidate {
     /// Mean duration of a flight. `None` if every drone was lost.
     pub duration_s: Option<f64>,
     /// Penalty before its weight: the sum of the excesses over the limits, each as a fraction of
-    /// its limit, plus the fraction of flights with a lost drone. 0 if every limit is kept.
+    /// its limit, plus the fraction of flights with a lost drone. 0 if no limit is exceeded.
     pub broken: f64,
     /// True if the candidate was abandoned after half of its flights.
     pub given_up: bool,
@@ -165,7 +163,7 @@ impl Candidate {
 /// The result of tuning.
 #[derive(Clone, Debug)]
 pub struct Tuned {
-    /// The scene with the best knobs if they won the test, otherwise the original scene.
+    /// Scene with the best knobs if they won the test, otherwise the original scene.
     pub scene: Scene,
     /// Test of the finals' winner against the original scene. `None` if the original scene won.
     pub test: Option<(Study, Ranking)>,
@@ -175,8 +173,8 @@ pub struct Tuned {
     pub before: Candidate,
     /// All candidates in the order of the search. The first candidate is the original scene.
     pub candidates: Vec<Candidate>,
-    /// Pareto front: numbers of the candidates that keep all limits and that no other candidate
-    /// beats in both flight time and legibility. The fastest is first.
+    /// Pareto front: numbers of the candidates that exceed no limit and that no other candidate
+    /// beats in both flight time and legibility, the fastest first.
     pub front: Vec<usize>,
     /// Total number of flights.
     pub n_flights: usize,
@@ -191,14 +189,14 @@ impl Tuned {
     }
 }
 
-/// Tunes a scene. After each candidate `watch` is called with the number of flights and the best
-/// candidate so far. If it returns false, the search ends and the finals begin. `stop` ends the
-/// tuning between two flights.
+/// Tunes a scene. Calls `watch` after each candidate with the number of flights and the best
+/// candidate so far. If `watch` returns false, the search ends and the finals begin. A request
+/// through `stop` takes effect between two flights.
 ///
 /// # Errors
 ///
-/// Returns [`Error::Input`] for knobs that the scene lacks or that have no effect in it, if there
-/// is no word, and if the budget is too small. Returns the errors of the flights and the store.
+/// Returns [`Error::Input`] if the scene lacks a knob or a knob has no effect, if there is no word,
+/// and if the budget is too small. Returns the errors of the flights and the store.
 pub fn tune(
     base: &Scene,
     options: &TuneOptions,
@@ -213,13 +211,13 @@ pub fn tune(
     }
     let longest_s = options.longest_s;
     let mut tuning = Tuning { base, options, store, longest_s, stop, n_flights: 0 };
-    // The original scene flies first, because its duration is the limit for the other candidates.
+    // The original scene flies first, because its duration limits that of the other candidates.
     let original = tuning.candidate(0, &[], (options.seed, 1), Some(f64::INFINITY))?;
     tuning.longest_s = longest_s.or(original.duration_s);
     let candidates = tuning.search(original, watch)?;
     let [before, best] = tuning.finals(&candidates)?;
     let (scene, front) = (turned(base, &options.knobs, &best.point)?, front(&candidates));
-    // The winner of the finals is tested unless it is the original scene.
+    // The finals' winner is tested unless it is the original scene.
     let n_seeds = options.test_seeds.max(least_flights(2));
     let words = options.words.iter().map(|(word, _)| (word.clone(), n_seeds)).collect();
     let test = if best.number == before.number {
@@ -235,7 +233,7 @@ pub fn tune(
     Ok(tuned)
 }
 
-/// A search in progress, with its number of flights so far.
+/// A search in progress, and its number of flights so far.
 struct Tuning<'a> {
     base: &'a Scene,
     options: &'a TuneOptions,
@@ -246,8 +244,8 @@ struct Tuning<'a> {
 }
 
 impl Tuning<'_> {
-    /// Flies candidates with the training seeds until only the finals fit into the budget or
-    /// `watch` returns false. Returns all candidates, of which the original scene is the first.
+    /// Flies candidates with the training seeds until the budget only suffices for the finals, or
+    /// until `watch` returns false. Returns all candidates, beginning with the original scene.
     fn search(
         &mut self,
         original: Candidate,
@@ -258,7 +256,7 @@ impl Tuning<'_> {
         let (mut candidates, mut best) = (vec![original], 0);
         while self.n_flights + options.n_each() + options.n_final() <= options.budget {
             let point = search.ask();
-            // The median rule applies as soon as there are enough costs for a median.
+            // The median rule applies once there are enough costs.
             let mut costs: Vec<f64> =
                 candidates.iter().filter(|c| !c.given_up).map(Candidate::cost).collect();
             let max_cost =
@@ -301,7 +299,7 @@ impl Tuning<'_> {
         study.check()?;
         let prepared = study.prepare()?;
         let trials: Vec<Trial> = study.trials().collect();
-        // With two parts, the first part is every other flight, so that it contains all words.
+        // The first of two parts contains every other flight, so that it includes all words.
         let n_parts = if max_cost.is_some() { 2 } else { 1 };
         let (mut records, mut candidate) = (Vec::new(), unflown.clone());
         for part in 0..n_parts {
@@ -318,7 +316,7 @@ impl Tuning<'_> {
     }
 
     /// Flies the best candidates and the original scene with new seeds. Returns the original scene
-    /// and the winner.
+    /// and the winner, in this order.
     fn finals(&mut self, candidates: &[Candidate]) -> Result<[Candidate; 2]> {
         let (original, others) = candidates.split_first().expect("the original scene");
         let mut by_cost: Vec<&Candidate> = others.iter().filter(|c| !c.given_up).collect();
@@ -334,8 +332,8 @@ impl Tuning<'_> {
         Ok([finalists.swap_remove(0), best])
     }
 
-    /// Returns a candidate with the figures of the flights in `records`. `unflown` has none yet, so
-    /// that its `broken` only contains what its controller violates without a flight.
+    /// Returns a candidate with the figures from `records`. In `unflown`, `broken` contains only
+    /// those violations of the controller that are known without a flight.
     fn with_figures(&self, unflown: &Candidate, records: &[Record]) -> Candidate {
         let flown: Vec<Flown> = records.iter().filter_map(|record| record.outcome.flown).collect();
         let means = std::array::from_fn(|i| mean(flown.iter().map(|flown| flown.values()[i])));
@@ -366,7 +364,7 @@ impl Tuning<'_> {
 }
 
 /// Returns the fraction of a Crazyflie's motor lag that a regulator does not tolerate. Returns 0 if
-/// it tolerates the whole lag, or if the controller is not a regulator.
+/// the regulator tolerates the whole lag, or if the controller is not a regulator.
 fn margin_broken(scene: &Scene) -> f64 {
     if !matches!(scene.controller.kind.law(), Law::StateFeedback { .. }) {
         return 0.0;
@@ -388,8 +386,8 @@ fn front(candidates: &[Candidate]) -> Vec<usize> {
     allowed.sort_by(|(a_s, a), (b_s, b)| {
         a_s.total_cmp(b_s).then(b.legibility.total_cmp(&a.legibility))
     });
-    // The candidates are visited from the fastest to the slowest, and a candidate joins the front
-    // if it is more legible than all faster ones.
+    // The candidates are visited from fastest to slowest. A candidate joins the front if it is more
+    // legible than all faster ones.
     let (mut front, mut best) = (Vec::new(), f64::NEG_INFINITY);
     for (_, candidate) in allowed {
         if candidate.legibility > best {
@@ -442,8 +440,7 @@ mod tests {
 
     #[test]
     fn a_candidate_that_is_only_lucky_in_the_finals_leaves_the_scene_as_it_was() {
-        // Speeds that differ by 2 % are equally legible, so that the winner of the finals is not
-        // truly better.
+        // Speeds that differ by 2 % are equally legible, so the finals' winner is not truly better.
         let base = Scene::preset(Preset::Ae4832022);
         let knobs = vec!["plan.stroke_speed_m_s*=0.98..1.0".parse().unwrap()];
         let mut tested = (0..6).map(|seed| {

@@ -1,8 +1,8 @@
-//! Estimates uneven air from the motor torque that balances it over seconds.
+//! Estimates the torque of uneven air from the motor torque that balances it over seconds.
 //!
-//! A body in flight does not keep rotating: over a second, the motors' torque balances that of the
-//! air, that of the displaced center of mass, and a torque proportional to the velocity. After the
-//! latter two are fitted, the residuals of the mean torques are the air's.
+//! An airborne body does not keep rotating. Over a second, the motors' torque balances the torque
+//! of the air, that of the displaced center of mass, and a torque proportional to the velocity. The
+//! latter two are fitted, and the residuals of the mean torques are attributed to the air.
 
 use nalgebra::Vector2;
 
@@ -10,14 +10,14 @@ use super::{runs, signed_sum};
 use noctograph_core::flight::{Flight, FlightSample};
 use noctograph_sim::vehicle::TORQUE_TIME_S;
 
-/// Length of a window, and the minimum fraction of it that its samples must cover.
+/// Length of a window, and the minimum fraction of it that samples must cover.
 const WINDOW_S: f64 = 1.0;
 const LEAST_COVERED: f64 = 0.8;
 /// Time that is ignored after take-off, while the controller finds its trim, and before landing.
 const ENDS_S: f64 = 2.0;
 const FEWEST: usize = 6;
 
-/// Torque of uneven air, and the error that it causes in a flight's mean torque.
+/// Torque of uneven air, and the resulting error of a flight's mean torque.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UnevenAir {
     /// Standard deviation of the torque about body x and y, N m.
@@ -26,7 +26,7 @@ pub struct UnevenAir {
     pub mean_sigma_n_m: [f64; 2],
 }
 
-/// Estimates uneven air from the samples in the air. Returns `None` if the flight is too short.
+/// Estimates uneven air from the airborne samples. Returns `None` if the flight is too short.
 pub(super) fn uneven_air(
     flight: &Flight,
     samples: &[FlightSample],
@@ -35,7 +35,7 @@ pub(super) fn uneven_air(
     let [from_s, to_s] = [samples.first()?.time_s + ENDS_S, samples.last()?.time_s - ENDS_S];
     let middle: Vec<FlightSample> =
         samples.iter().filter(|s| (from_s..to_s).contains(&s.time_s)).copied().collect();
-    // Torque and velocity are averaged over windows of a second, none of which crosses a gap.
+    // Torque and velocity are averaged over one-second windows, none of which spans a gap.
     let mut windows: Vec<[Vector2<f64>; 2]> = Vec::new();
     for run in runs(flight, &middle) {
         let start_s = run[0].time_s;
@@ -52,7 +52,7 @@ pub(super) fn uneven_air(
             let torques =
                 part.iter().map(|s| Vector2::from_fn(|axis, _| signed_sum(axis, &s.motors)));
             let torque_n_m = torques.sum::<Vector2<f64>>() * torque_per_command_n_m;
-            // The air rotates a drone moving along x about y, and one moving along y about x.
+            // Air rotates a drone that moves along x about y, and one that moves along y about x.
             let moving_m_s: Vector2<f64> = part.iter().map(|s| s.velocity_body_m_s.yx()).sum();
             windows.push([torque_n_m / n, moving_m_s / n]);
         }
@@ -73,7 +73,7 @@ pub(super) fn uneven_air(
         let [tt, tm, mm] = deviations
             .fold([0.0; 3], |sum, [t, m]| [sum[0] + t * t, sum[1] + t * m, sum[2] + m * m]);
         let explained = if mm > 0.0 { tm * tm / mm } else { 0.0 };
-        // The fit of mean and slope takes two degrees of freedom.
+        // The fit of mean and slope uses two degrees of freedom.
         ((tt - explained).max(0.0) / (n - 2.0)).sqrt() / mean_variance_frac(WINDOW_S).sqrt()
     });
     let mean_sigma_n_m =
@@ -81,7 +81,7 @@ pub(super) fn uneven_air(
     Some(UnevenAir { torque_sigma_n_m, mean_sigma_n_m })
 }
 
-/// Returns the variance of the mean of an Ornstein–Uhlenbeck process over `time_s`, relative to the
+/// Returns the variance of an Ornstein–Uhlenbeck process averaged over `time_s`, relative to the
 /// variance of the process.
 fn mean_variance_frac(time_s: f64) -> f64 {
     let ratio = TORQUE_TIME_S / time_s;

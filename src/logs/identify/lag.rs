@@ -1,16 +1,16 @@
-//! Estimates the rotors' lag from the response of the body's roll and pitch to the motors: `J Δ²w =
-//! k Δ(∫ torque of motors that lag by τ)`, over spans of equal length.
+//! Estimates the rotors' lag from the roll and pitch response of the body to the motors: `J Δ²w = k
+//! Δ(∫ torque of motors that lag by τ)`, over spans of equal length.
 //!
-//! Uneven air rotates a drone, and its controller responds. A plain fit confuses response and
-//! cause, so that its lags are 20 to 70 ms too long. Both sides are therefore projected onto the
-//! design's acceleration at nearby times, which neither the air nor the gyroscope changes
+//! Uneven air rotates a drone, and its controller responds. A plain least-squares fit confuses
+//! response and cause, and overestimates the lag by 20 to 70 ms. Both sides are therefore projected
+//! onto the design's acceleration at nearby times, which is independent of air and gyroscope
 //! (two-stage least squares: Söderström, Stoica, Instrumental Variable Methods for System
 //! Identification, 1983, and in closed loop Gilson, Van den Hof, Automatica 41, 2005). The estimate
-//! is the lag with the best fit. The confidence interval of the lag comes from leaving out each
-//! stretch of the flight in turn (jackknife over groups: Efron, Stein 1981), which is robust to
-//! gusts that last from span to span.
+//! is the lag with the best fit. Its confidence interval is computed by leaving out each stretch of
+//! the flight in turn (jackknife over groups: Efron, Stein 1981), which is robust to gusts that
+//! last longer than a span.
 //!
-//! Not done: the lag cannot be estimated if the design never moves, as in a hover.
+//! Not done: estimating the lag if the design never moves, as in a hover.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -20,44 +20,44 @@ use noctograph_core::flight::{Flight, FlightSample};
 
 /// Number of stretches of the flight that are left out in turn.
 const STRETCHES: usize = 20;
-/// Student's t for 95 % with nineteen degrees of freedom.
+/// 97.5 % quantile of Student's t with nineteen degrees of freedom, for a 95 % interval.
 pub const T_95: f64 = 2.093;
-/// Length of a span: at least two samples of a 50 Hz log, but shorter than the lag.
+/// Length of a span, which is at least two samples of a 50 Hz log but shorter than the lag.
 const SPAN_S: f64 = 0.04;
-/// Maximum lag that is tried, twice the longest published one, and the step between the lags.
+/// Maximum lag that is tried, twice the longest published one, and the step between lags.
 const LONGEST_S: f64 = 0.35;
 const STEP_S: f64 = 0.005;
-/// Number of spans before and after a time of the design in which the drone responds to it: 0.4 s,
+/// Numbers of spans before and after a time of the design in which the drone responds to it: 0.4 s,
 /// by which a plan leads its controller, and 0.8 s, in which a slow controller settles.
 const SPANS_BEFORE: usize = 10;
 const SPANS_AFTER: usize = 20;
-/// Minimum number of pairs of spans for a fit: ten per stretch.
+/// Minimum number of pairs of spans for a fit, ten per stretch.
 const FEWEST: usize = 10 * STRETCHES;
-/// Maximum half width of a usable confidence interval: the spread of the published lags.
+/// Maximum half width of a usable confidence interval, equal to the spread of published lags.
 const LARGEST_DOUBT_S: f64 = 0.1;
-/// Minimum fraction of the changes of rotation that the motors explain in a usable result.
+/// Minimum fraction of the changes in rotation that the motors must explain.
 const LEAST_EXPLAINED: f64 = 0.1;
 
-/// Lag of the rotors, estimated from a flight.
+/// Lag of the rotors, as estimated from a flight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RotorLag {
-    /// Time constant with which a motor follows its command: the time for 63 % of a step.
+    /// Time constant of a motor's response to its command: the time to 63 % of a step.
     pub lag_s: f64,
     /// Half the width of the 95 % confidence interval of the lag.
     pub half_width_s: f64,
-    /// Fraction of the changes of rotation that the motors explain, 0 to 1.
+    /// Fraction of the changes in rotation that the motors explain, 0 to 1.
     pub explained: f64,
 }
 
 impl RotorLag {
-    /// Returns true if the flight determines the lag with an error below 100 ms. Slow logs, or
-    /// those with many gaps, do not.
+    /// Returns true if the flight determines the lag to within 100 ms. Slow logs, and those with
+    /// many gaps, do not.
     pub fn is_identifiable(&self) -> bool {
         self.half_width_s < LARGEST_DOUBT_S.min(self.lag_s) && self.explained > LEAST_EXPLAINED
     }
 }
 
-/// Fits the lag. Returns `None` if the flight is too short, or if its design does not move.
+/// Fits the lag. Returns `None` if the flight is too short or its design does not move.
 pub(super) fn lag(flight: &Flight, samples: &[FlightSample]) -> Option<RotorLag> {
     let runs: Vec<(&[FlightSample], Vec<[usize; 3]>)> =
         runs(flight, samples).map(|run| (run, pairs(run).collect())).collect();
@@ -65,7 +65,7 @@ pub(super) fn lag(flight: &Flight, samples: &[FlightSample]) -> Option<RotorLag>
     if n < FEWEST {
         return None;
     }
-    // The fit needs instruments, the response, and the regressor for each lag.
+    // The fit uses instruments, the response, and a regressor for each lag.
     let designs = instruments(&runs)?;
     let turns = changes(&runs, |run| run.iter().map(|s| s.rate_body_rad_s.xy().into()).collect());
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "seventy")]
@@ -84,7 +84,7 @@ pub(super) fn lag(flight: &Flight, samples: &[FlightSample]) -> Option<RotorLag>
     Some(RotorLag { lag_s, half_width_s, explained: fit.fraction })
 }
 
-/// Returns the standard deviation of an estimate, from estimates that each leave out one stretch.
+/// Returns the standard deviation of an estimate, from estimates that leave out one stretch each.
 fn jackknife_sigma(estimates: &[f64]) -> f64 {
     let n = estimates.len() as f64;
     let middle = estimates.iter().sum::<f64>() / n;
@@ -92,31 +92,31 @@ fn jackknife_sigma(estimates: &[f64]) -> f64 {
     (square * (n - 1.0) / n).sqrt()
 }
 
-/// Changes from span to span, with a row for each pair of spans and a column for each axis.
+/// Changes between consecutive spans, with a row per pair of spans and a column per axis.
 type Changes = DMatrix<f64>;
 
-/// Products over one stretch of the flight: the design's columns with the rotation and with the
-/// torque of each lag, and with themselves.
+/// Products over one stretch of the flight: the design's columns with the rotation, with the torque
+/// for each lag, and with themselves.
 struct Stretch {
     design: DMatrix<f64>,
     turn: [DVector<f64>; 2],
     pushes: Vec<[DVector<f64>; 2]>,
-    /// Torque with itself, torque with rotation, and rotation with itself, for each lag.
+    /// Squared torque, torque times rotation, and squared rotation, summed for each lag.
     plain: Vec<[[f64; 3]; 2]>,
     rows: usize,
 }
 
 /// Measures of how well the motors explain the rotation for each lag.
 struct Explained {
-    /// Log-likelihood of each lag, up to a constant.
+    /// Log-likelihood as a function of the lag, up to a constant.
     curve: Vec<f64>,
-    /// Maximum fraction of all changes of rotation that the motors explain, 0 to 1.
+    /// Maximum fraction of the changes in rotation that the motors explain, 0 to 1.
     fraction: f64,
 }
 
 impl Stretch {
-    /// Sums the products over one stretch of the flight: instruments (designs), response (turns)
-    /// and regressors (pushes).
+    /// Sums the products over one stretch: instruments (designs), response (turns), regressors
+    /// (pushes).
     fn new(index: usize, designs: &Changes, turns: &Changes, pushes: &[Changes]) -> Self {
         let [from, to] = [index, index + 1].map(|index| index * turns.nrows() / STRETCHES);
         let rows = to - from;
@@ -143,8 +143,8 @@ impl Stretch {
     }
 }
 
-/// Returns how well each lag explains the rotation if one stretch is left out. Returns `None` if
-/// the columns of the design are linearly dependent.
+/// Returns how well each lag explains the rotation, optionally without one stretch. Returns `None`
+/// if the columns of the design are linearly dependent.
 fn explained(stretches: &[Stretch], without: Option<usize>) -> Option<Explained> {
     let kept = stretches.iter().enumerate().filter(|(index, _)| Some(*index) != without);
     let kept: Vec<&Stretch> = kept.map(|(_, stretch)| stretch).collect();
@@ -155,7 +155,7 @@ fn explained(stretches: &[Stretch], without: Option<usize>) -> Option<Explained>
         kept.iter().map(|stretch| stretch.rows).sum::<usize>() as f64,
         square.trace() / columns as f64,
     );
-    // Adding a billionth of the mean keeps the matrix invertible if columns are nearly dependent.
+    // A billionth of the mean is added, so that nearly dependent columns remain invertible.
     for k in 0..columns {
         square[(k, k)] += 1e-9 * mean;
     }
@@ -173,7 +173,7 @@ fn explained(stretches: &[Stretch], without: Option<usize>) -> Option<Explained>
             let [pxx, pxy, yy] = kept.iter().fold([0.0; 3], |sum: [f64; 3], stretch| {
                 [0, 1, 2].map(|k| sum[k] + stretch.plain[lag][axis][k])
             });
-            // Torque that would rotate the drone the other way explains nothing.
+            // Torque in the direction opposite to the rotation explains nothing.
             let shared = if xy > 0.0 && xx > 0.0 { xy * xy / xx } else { 0.0 };
             let noise = (yy - turns[axis].dot(&solved[axis])) / rows;
             likelihood += if noise > 0.0 { shared / noise } else { 0.0 };
@@ -185,8 +185,8 @@ fn explained(stretches: &[Stretch], without: Option<usize>) -> Option<Explained>
     Some(Explained { curve, fraction: most })
 }
 
-/// Returns the design's acceleration along world x and y, at each pair of spans and at the pairs
-/// around it, each in a column. Returns `None` if the design never moves.
+/// Returns the design's acceleration along world x and y, with a row per pair of spans, and a
+/// column for that pair and each of the pairs around it. Returns `None` if the design never moves.
 fn instruments(runs: &[(&[FlightSample], Vec<[usize; 3]>)]) -> Option<Changes> {
     let moves = changes(runs, |run| run.iter().map(|s| s.design_m.xy().into()).collect());
     let axes: Vec<usize> = (0..2).filter(|axis| moves.column(*axis).amax() > 1e-9).collect();
@@ -211,7 +211,7 @@ fn instruments(runs: &[(&[FlightSample], Vec<[usize; 3]>)]) -> Option<Changes> {
     (!axes.is_empty()).then_some(columns)
 }
 
-/// Returns the changes of a quantity's mean rate from each span to the next.
+/// Returns the changes in a quantity's mean rate between consecutive spans.
 fn changes(
     runs: &[(&[FlightSample], Vec<[usize; 3]>)],
     quantity: impl Fn(&[FlightSample]) -> Vec<[f64; 2]>,
@@ -220,7 +220,7 @@ fn changes(
     for (run, pairs) in runs {
         let values = quantity(run);
         for [a, b, c] in pairs {
-            // The second difference is the change of the mean rate from one span to the next.
+            // The second difference is the change in the mean rate between consecutive spans.
             let [before, after] = [(*a, *b), (*b, *c)].map(|(from, to)| {
                 let span_s = run[to].time_s - run[from].time_s;
                 [0, 1].map(|axis| (values[to][axis] - values[from][axis]) / span_s)
@@ -231,8 +231,7 @@ fn changes(
     DMatrix::from_row_slice(rows.len() / 2, 2, &rows)
 }
 
-/// Returns the integral of the roll and pitch torques up to each sample, for motors that lag by
-/// `lag_s`.
+/// Returns the integral of the roll and pitch torques up to each sample, given the motor lag.
 fn torques(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 2]> {
     let mut sums = vec![[0.0; 2]];
     for impulse in impulses(run, lag_s) {
@@ -242,7 +241,7 @@ fn torques(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 2]> {
     sums
 }
 
-/// Returns the lag at the peak of a curve, from a parabola through its highest three points.
+/// Returns the lag at the peak of a curve, by a parabola through its highest three points.
 fn peak(curve: &[f64]) -> f64 {
     let highest = (0..curve.len()).max_by(|a, b| curve[*a].total_cmp(&curve[*b])).unwrap_or(0);
     #[expect(clippy::cast_precision_loss, reason = "sixty")]
@@ -250,7 +249,7 @@ fn peak(curve: &[f64]) -> f64 {
     let before = highest.checked_sub(1).map(|index| curve[index]);
     let shift = match (before, curve.get(highest + 1)) {
         (Some(before), Some(after)) => {
-            // The shift is to the vertex of the parabola through the three points.
+            // The result is shifted to the vertex of the parabola through the three points.
             let bend = before - 2.0 * curve[highest] + after;
             if bend < 0.0 { 0.5 * (before - after) / bend } else { 0.0 }
         }
@@ -259,9 +258,9 @@ fn peak(curve: &[f64]) -> f64 {
     (index + shift) * STEP_S
 }
 
-/// Returns the indices of triples of samples that are a span apart.
+/// Returns the indices of triples of samples that are one span apart.
 fn pairs(run: &[FlightSample]) -> impl Iterator<Item = [usize; 3]> + '_ {
-    // Each end is the first sample that is at least one span after the previous end.
+    // Each end is the first sample at least one span after the previous end.
     let ends = std::iter::successors((!run.is_empty()).then_some(0), |from: &usize| {
         let due_s = run[*from].time_s + SPAN_S - 1e-6;
         let later = run[*from..].partition_point(|sample| sample.time_s < due_s);

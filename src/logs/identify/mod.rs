@@ -1,13 +1,14 @@
-//! Identifies a drone's parameters and the weights of its observer from the log of a flight.
+//! Identifies a drone's parameters and its observer's weights from the log of a flight.
 //!
-//! In: a [`Flight`], and the vehicle's mass, arm length and motor lag, which a log does not
-//! determine. Out: [`Identified`]. The method is the reference team's (AE483, 2022).
+//! Products in: a [`Flight`], and the vehicle's mass, arm length and motor lag, which a log does
+//! not determine. Product out: [`Identified`]. The method is the reference team's (AE483, 2022).
 //!
 //! - Weights of the observer: Q and R are `1/σ²` of the measurement error `y − (C x̂ + D u)` and of
-//!   the model error `ẋ − (A x + B u)` in the air, with ẋ by finite differences.
+//!   the model error `ẋ − (A x + B u)` in the air, with ẋ computed by finite differences.
 //! - Thrust per command is fitted to the accelerometer, with the assumed motor lag.
-//! - The mean motor commands compensate for the torque of a displaced center of mass.
-//! - Moments of inertia come from a pendulum test ([`pendulum_inertia_kg_m2`], their equation 12).
+//! - The mean motor commands, which balance the weight's torque, give the center of mass.
+//! - Moments of inertia are measured by a pendulum test ([`pendulum_inertia_kg_m2`], their equation
+//!   12).
 //!
 //! Not done: moments of inertia and rotor reaction torque, which slow logs do not determine.
 
@@ -28,7 +29,7 @@ use noctograph_core::error::{Error, Result, within};
 use noctograph_core::flight::{Flight, FlightSample, Quantity, airborne};
 use noctograph_sim::vehicle::VehicleOptions;
 
-/// Names of the nine states of the model error.
+/// Names of the nine states in the model error.
 pub const MODEL_STATES: [&str; 9] =
     ["o_x", "o_y", "o_z", "psi", "theta", "phi", "v_x", "v_y", "v_z"];
 
@@ -37,9 +38,9 @@ const LIGHTHOUSE: [[&str; 3]; 2] = [
     ["ae483log.lh_x", "ae483log.lh_y", "ae483log.lh_z"],
     ["lighthouse.x", "lighthouse.y", "lighthouse.z"],
 ];
-/// Names of logged vertical accelerations (gravity included), in order of preference, and their
-/// units in m/s²: the AE483 firmware's, and the accelerometer in g (`stabilizer_types.h`), both raw
-/// and as the controllers log it.
+/// Names of logged vertical accelerations (including gravity) in order of preference, with their
+/// unit in m/s²: that of the AE483 firmware, and the accelerometer in g (`stabilizer_types.h`),
+/// both raw and as logged by the controllers.
 const ACCELERATIONS: [(&str, f64); 4] = [
     ("ae483log.a_z", 1.0),
     ("acc.z", GRAVITY_M_S2),
@@ -47,34 +48,34 @@ const ACCELERATIONS: [(&str, f64); 4] = [
     ("ctrlMel.accelz", GRAVITY_M_S2),
 ];
 
-/// Minimum number of samples for a standard deviation: ten seconds at 10 Hz.
+/// Minimum number of samples for a standard deviation, which is ten seconds at 10 Hz.
 const FEWEST_SAMPLES: usize = 100;
 
-/// Properties of a drone that are estimated from a flight.
+/// Properties of a drone, as estimated from a flight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Identified {
     /// Number of samples in the air.
     pub n_samples: usize,
     /// Mean motor commands m1…m4.
     pub mean_motors: [f64; 4],
-    /// Thrust of one motor per unit of its command, N. The thrust is fitted to the accelerometer,
-    /// or without one, to hovering.
+    /// Thrust of a motor per unit of command, N, from the accelerometer or, without it, from
+    /// hovering.
     pub k_f_n: f64,
-    /// Mean torque of the motors about body x and y, N m. An opposite torque acts on the body.
+    /// Mean torque of the motors about body x and y, N m. The opposite torque acts on the body.
     pub motor_torque_n_m: [f64; 2],
     /// Center of mass, along body x and y, that explains this torque.
     pub center_of_mass_m: [f64; 2],
-    /// Half the width of the 95 % confidence interval of the center of mass, from the torque of
-    /// uneven air. `None` if the flight is too short.
+    /// Half width of the 95 % confidence interval of the center of mass, from the torque of uneven
+    /// air. `None` if the flight is too short.
     pub center_of_mass_half_width_m: Option<[f64; 2]>,
-    /// Lag of the rotors. `None` if no body rate is logged.
+    /// Lag of the rotors. `None` if no body rates are logged.
     pub lag: Option<RotorLag>,
     /// Torque of uneven air. `None` if the flight is too short.
     pub air: Option<UnevenAir>,
-    /// Standard deviation of the measured position about the estimate, in x y z. `None` if no raw
-    /// position is logged.
+    /// Standard deviation of the measured position from the estimate, along x, y and z. `None` if
+    /// no raw position is logged.
     pub measurement_sigma_m: Option<[f64; 3]>,
-    /// Standard deviation of the model error for [`MODEL_STATES`], in the unit of the state per
+    /// Standard deviation of the model error for [`MODEL_STATES`], in units of the state per
     /// second. `None` if attitude, velocity or body rates are not logged.
     pub model_sigma: Option<[f64; 9]>,
     /// Warnings about logged data that is not used.
@@ -82,19 +83,19 @@ pub struct Identified {
 }
 
 impl Identified {
-    /// Returns the observer's Q: `1/σ²` of the three measurements, 1/m².
+    /// Returns the observer's Q: `1/σ²` for the three measurements, 1/m².
     pub fn observer_q(&self) -> Option<[f64; 3]> {
         self.measurement_sigma_m.map(|sigma| sigma.map(weight))
     }
 
-    /// Returns the observer's R: `1/σ²` of the eight model errors except that of ψ (unobservable).
+    /// Returns the observer's R: `1/σ²` for the eight model errors except ψ (unobservable).
     pub fn observer_r(&self) -> Option<[f64; 8]> {
         let [x, y, z, _psi, theta, phi, vx, vy, vz] = self.model_sigma?;
         Some([x, y, z, theta, phi, vx, vy, vz].map(weight))
     }
 }
 
-/// Returns the weight `1/σ²` of an error with the standard deviation σ.
+/// Returns the weight `1/σ²` for an error with standard deviation σ.
 pub fn weight(sigma: f64) -> f64 {
     1.0 / (sigma * sigma)
 }
@@ -104,12 +105,12 @@ pub fn weight(sigma: f64) -> f64 {
 ///
 /// # Errors
 ///
-/// Returns [`Error::Input`] if a value is out of range, or the period too short for any body.
+/// Returns [`Error::Input`] if a value is out of range, or if the period is too short for any body.
 pub fn pendulum_inertia_kg_m2(mass_kg: f64, pivot_m: f64, period_s: f64) -> Result<f64> {
     within("vehicle.mass_kg", mass_kg, 1e-3, 100.0)?;
     within("pendulum_pivot_m", pivot_m, 1e-3, 10.0)?;
     within("pendulum_period_s", period_s, 1e-3, 100.0)?;
-    // The formula is T = 2π √((J + m r²) / (m g r)), solved for J.
+    // The equation T = 2π √((J + m r²) / (m g r)) is solved for J.
     let per_turn_s = period_s / std::f64::consts::TAU;
     let inertia = mass_kg * (GRAVITY_M_S2 * pivot_m * per_turn_s * per_turn_s - pivot_m * pivot_m);
     if inertia > 0.0 {
@@ -125,7 +126,7 @@ pub fn pendulum_inertia_kg_m2(mass_kg: f64, pivot_m: f64, period_s: f64) -> Resu
 ///
 /// # Errors
 ///
-/// Returns [`Error::Input`] if the flight contains no motor commands or is hardly in the air.
+/// Returns [`Error::Input`] if the flight lacks motor commands or is hardly in the air.
 pub fn identify(flight: &Flight, assumed: &VehicleOptions) -> Result<Identified> {
     let hint = "import a log with motor.m1 to motor.m4, of a flight of ten seconds or more";
     if !flight.has(Quantity::Motors) {
@@ -142,7 +143,7 @@ pub fn identify(flight: &Flight, assumed: &VehicleOptions) -> Result<Identified>
         let commands = "motor commands that never rotate the drone, like those of one repeated row";
         return Err(Error::input("flight", commands, "those of a flight", hint));
     }
-    // Thrust and torque follow from the mean commands, with the accelerometer if it is plausible.
+    // Thrust and torque follow from the mean commands and, if plausible, the accelerometer.
     let mut left_out = Vec::new();
     let mean_motors = mean(samples.iter().map(|sample| Vector4::from(sample.motors)));
     let mut accelerations = accelerations(flight, &airborne, &mut left_out);
@@ -155,7 +156,7 @@ pub fn identify(flight: &Flight, assumed: &VehicleOptions) -> Result<Identified>
     }
     let torque = MOTOR_SIGNS * mean_motors * (k_f_n * assumed.arm_m);
     let thrust_n = k_f_n * mean_motors.sum();
-    // The model error needs quantities that are logged and change.
+    // The model error requires quantities that are logged and that change.
     type Reading = fn(&FlightSample) -> Vector3<f64>;
     let quantities: [(Quantity, Reading); 3] = [
         (Quantity::Rate, |s| s.rate_body_rad_s),
@@ -181,7 +182,7 @@ pub fn identify(flight: &Flight, assumed: &VehicleOptions) -> Result<Identified>
         mean_motors: mean_motors.into(),
         k_f_n,
         motor_torque_n_m: [torque.x, torque.y],
-        // The weight's torque about the motors' center, m g (y, −x), is balanced by the motors.
+        // The motors balance the torque of the weight about their center, m g (y, −x).
         center_of_mass_m: [-torque.y / thrust_n, torque.x / thrust_n],
         center_of_mass_half_width_m: air
             .map(|air| [1, 0].map(|axis: usize| T_95 * air.mean_sigma_n_m[axis] / thrust_n)),
@@ -195,9 +196,9 @@ pub fn identify(flight: &Flight, assumed: &VehicleOptions) -> Result<Identified>
 }
 
 /// Returns true if the motors never change their roll and pitch torque, as when a logger repeats
-/// one row. No real flight keeps both constant.
+/// one row. In a real flight at least one of them varies.
 pub fn is_frozen(samples: &[FlightSample]) -> bool {
-    /// Tolerance, which is below the number grid of the files.
+    /// Tolerance, which is finer than the numeric resolution of the files.
     const SAME: f64 = 1e-3;
     let mut turns =
         samples.iter().map(|sample| (MOTOR_SIGNS * Vector4::from(sample.motors)).xy()).peekable();
@@ -210,7 +211,7 @@ fn frozen(names: &str) -> Diagnostic {
     Diagnostic::warning("source-frozen", format!("{names}: frozen, as if it was not logged"))
 }
 
-/// Returns the values of an extra column while the drone is in the air.
+/// Returns the airborne values of an extra column.
 fn column<'a>(flight: &'a Flight, air: &Range<usize>, name: &str) -> Option<&'a [f64]> {
     flight.extra.get(name).map(|column| &column[air.clone()])
 }
@@ -219,8 +220,7 @@ fn finite<const N: usize>(figures: [f64; N]) -> bool {
     figures.iter().all(|figure| figure.is_finite())
 }
 
-/// Returns true if standard deviations are finite and positive. The weight of a frozen value would
-/// be infinite.
+/// Returns true for finite, positive standard deviations. A constant would have infinite weight.
 fn are_figures(sigma: &[f64]) -> bool {
     sigma.iter().all(|sigma| sigma.is_finite() && *sigma > 0.0)
 }
@@ -242,7 +242,7 @@ fn accelerations(
     None
 }
 
-/// Returns the standard deviation about the estimate of the first raw position that changes.
+/// Returns the standard deviation from the estimate, for the first raw position that changes.
 fn measurement_sigma_m(
     flight: &Flight,
     air: &Range<usize>,
@@ -258,7 +258,7 @@ fn measurement_sigma_m(
         let places = flight.samples[air.clone()].iter().zip(x).zip(y).zip(z);
         let errors = places.map(|(((s, x), y), z)| Vector3::new(*x, *y, *z) - s.position_m);
         let sigma: [f64; 3] = standard_deviation(&errors.collect::<Vec<_>>()).into();
-        // If the estimate is this raw position itself, the deviations are zero.
+        // If the estimate is the raw position itself, the deviations are zero.
         return Some(sigma).filter(|sigma| are_figures(sigma));
     }
     None
@@ -294,7 +294,7 @@ fn signed_sum(axis: usize, motors: &[f64; 4]) -> f64 {
     (0..4).map(|motor| MOTOR_SIGNS[(axis, motor)] * motors[motor]).sum()
 }
 
-/// Returns true if a gap follows the sample at a time.
+/// Returns true if the sample at the given time is followed by a gap.
 fn ends_at_gap(flight: &Flight, time_s: f64) -> bool {
     flight.gaps.iter().any(|gap| gap[0] <= time_s && time_s < gap[1])
 }
@@ -354,7 +354,7 @@ mod tests {
             model_sigma: Some([0.026, 0.026, 0.033, 0.018, 0.103, 0.203, 0.149, 0.115, 0.187]),
             left_out: Vec::new(),
         };
-        // The paper prints these values, Q in whole numbers and R to one digit.
+        // The paper prints Q as whole numbers and R to one digit.
         let (q, r) = (identified.observer_q().unwrap(), identified.observer_r().unwrap());
         assert_eq!(q.map(f64::round), [111_111.0, 62_500.0, 250_000.0]);
         let printed = [1479.3, 1479.3, 918.3, 94.3, 24.3, 45.0, 75.6, 28.6];
@@ -365,8 +365,8 @@ mod tests {
 
     #[test]
     fn a_pendulum_test_gives_the_inertia() {
-        // A rod of 1 kg and 1 m swings about its end: J = m l²/12 about its center, and T = 2π √(2
-        // l / 3 g).
+        // A rod of 1 kg and 1 m swings about its end: J = m l²/12 about its center, T = 2π √(2 l /
+        // 3 g).
         let period_s = std::f64::consts::TAU * (2.0 / (3.0 * GRAVITY_M_S2)).sqrt();
         let inertia = pendulum_inertia_kg_m2(1.0, 0.5, period_s).unwrap();
         assert!((inertia - 1.0 / 12.0).abs() < 1e-12, "{inertia}");
@@ -392,7 +392,7 @@ mod tests {
         assert!(identified.model_sigma.unwrap()[0] < 0.05, "{:?}", identified.model_sigma);
     }
 
-    /// Returns flights of a word with a rotor lag, by a controller in the air of a room.
+    /// Returns flights of a word with the given rotor lag, under a controller in ordinary room air.
     fn flights_with_lag(
         kind: ControllerKind,
         lag_s: f64,
@@ -411,7 +411,7 @@ mod tests {
 
     #[test]
     fn the_interval_of_the_lag_holds_the_truth_and_thrust_is_unbiased() {
-        // The plain fit is 10 to 40 ms too long, with intervals of 5 to 15 ms.
+        // The plain fit overestimates the lag by 10 to 40 ms, with intervals of 5 to 15 ms.
         let (mut n, mut held) = (0, 0);
         for kind in [ControllerKind::Pid, ControllerKind::Lqr] {
             for lag_s in [0.06, 0.12, 0.18] {
@@ -449,12 +449,12 @@ mod tests {
                 widths_m[axis] += half_width_m[axis] / 24.0;
             }
         }
-        // For a correct 95 % interval, 42 or fewer of 48 occur only once in 70 times.
+        // With a correct 95 % interval, 42 or fewer of 48 occur with a probability of only 1 in 70.
         assert!(held >= 43, "{held} of {n}");
         assert!(widths_m.iter().all(|width_m| *width_m < 0.2e-3), "{widths_m:?}");
     }
 
-    /// Returns a hover of 20 s whose motors respond to a slow sway.
+    /// Returns a 20 s hover during which the motors respond to a slow sway.
     fn sway(acceleration: (&str, f64)) -> Flight {
         let wave = |i: u32, rate: f64| libm::sin(rate * f64::from(i));
         let sample = |i: u32| FlightSample {

@@ -1,22 +1,22 @@
-//! Computes the thrust of motors from logged commands, which the rotor speeds follow with a lag.
+//! Computes the motors' thrust from logged commands, which the rotor speeds follow with a lag.
 
 use super::runs;
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::flight::{Flight, FlightSample, Quantity};
 use noctograph_sim::vehicle::VehicleOptions;
 
-/// Half the time for which the firmware holds a command (500 Hz), which is the delay of the
-/// commands relative to a straight line between two logged ones.
+/// Half the time for which the firmware holds a command (500 Hz), which is the mean delay of the
+/// held commands relative to a straight line between logged ones.
 const HELD_S: f64 = 0.001;
-/// Maximum step that is interpolated. In longer steps the first command is held.
+/// Maximum interval that is interpolated. In longer intervals the first command is held.
 const LONGEST_STEP_S: f64 = 0.04;
-/// Minimum height above the floor without ground effect.
+/// Minimum height above the floor that is free of ground effect.
 const FREE_M: f64 = 0.15;
-/// Number of samples on either side over which the climb rate is measured.
+/// Number of samples on each side over which the climb rate is measured.
 const CLIMB: usize = 10;
 
-/// Returns the integral of each motor's thrust from each sample to the next, in units of commands.
-/// Rotor speeds follow the square root of the command, and thrust is the square of the speed.
+/// Returns each motor's thrust integrated from each sample to the next, in units of commands. Rotor
+/// speeds follow the square root of the command, and thrust is the square of the speed.
 pub(super) fn impulses(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 4]> {
     let wanted = roots(run);
     let Some(mut speed) = wanted.first().copied() else { return Vec::new() };
@@ -28,7 +28,7 @@ pub(super) fn impulses(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 4]> {
             let wanted = roots[0][motor] + (roots[1][motor] - roots[0][motor]) * middle;
             let behind = speed[motor] - wanted;
             speed[motor] = wanted + behind * stays;
-            // The sum is ∫ (wanted + behind e^(−t/lag))² dt over the step.
+            // The sum is ∫ (wanted + behind e^(−t/lag))² dt over the interval.
             wanted * wanted * dt_s
                 + 2.0 * wanted * behind * lag_s * (1.0 - stays)
                 + 0.5 * behind * behind * lag_s * (1.0 - stays * stays)
@@ -36,7 +36,7 @@ pub(super) fn impulses(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 4]> {
     }))
 }
 
-/// Returns the square roots of the commands at each sample, interpolated between commands.
+/// Returns the square root of the command at each sample, interpolated between commands.
 fn roots(run: &[FlightSample]) -> Vec<[f64; 4]> {
     let mut line = Vec::with_capacity(run.len());
     for held in run.chunk_by(|a, b| a.motors == b.motors) {
@@ -53,9 +53,9 @@ fn roots(run: &[FlightSample]) -> Vec<[f64; 4]> {
     line
 }
 
-/// Returns the thrust per command, N, with the motors' lag and without ground effect. The thrust is
-/// fitted to the accelerations by least squares of `m a = k ΣM`. Without accelerations, the thrust
-/// is fitted to gravity and to the climb over the whole time.
+/// Returns the thrust per command, N, given the motors' lag, from samples without ground effect.
+/// The thrust is fitted to the accelerations by least squares of `m a = k ΣM` or, without
+/// accelerations, to gravity and the climb over the whole time.
 pub(super) fn thrust_per_command_n(
     flight: &Flight,
     samples: &[FlightSample],
@@ -68,14 +68,14 @@ pub(super) fn thrust_per_command_n(
     let free =
         (0..samples.len()).filter(|&i| !has_position || samples[i].position_m.z - floor_m > FREE_M);
     let ends_of_free = free.clone().min().zip(free.max());
-    // If half of the flight is in ground effect, the complete flight is used.
+    // If ground effect covers half of the flight, the whole flight is used.
     let (from, to) = ends_of_free
         .filter(|(from, to)| to - from > samples.len() / 2)
         .unwrap_or((0, samples.len() - 1));
     let VehicleOptions { mass_kg, motor_rise_s, motor_fall_s, .. } = assumed;
     let motor_lag_s = 0.5 * (motor_rise_s + motor_fall_s);
     let (mut product, mut square) = (0.0, 0.0);
-    // The sums are over runs of samples without a gap, within the part in free air.
+    // The sums are taken over runs of samples without a gap in free air.
     let mut start = 0;
     for run in runs(flight, samples) {
         let inside = from.saturating_sub(start)..to.saturating_sub(start).min(run.len() - 1);

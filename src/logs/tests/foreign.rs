@@ -1,4 +1,4 @@
-//! Tests tables of other programs: one flight in all notations, what is refused, and what is named.
+//! Tests tables of other programs: one flight in all notations, refused tables, and warnings.
 
 use std::fmt::Write;
 
@@ -7,17 +7,17 @@ use proptest::prelude::*;
 use super::*;
 use noctograph_core::flight::airborne;
 
-/// Returns the position in a synthetic flight: up from 1 to 3 s, to the right, into the scene, and
-/// down again until 11 s.
+/// Returns the position on a synthetic flight, which goes up from 1 to 3 s, to the right, into the
+/// scene, and down again until 11 s.
 pub(super) fn place(t: f64) -> [f64; 3] {
     let up = (0.5 * (t - 1.0)).min(0.5 * (11.0 - t)).clamp(0.0, 1.0);
     [(0.5 * (t - 3.0)).clamp(0.0, 1.0), (0.25 * (t - 5.0)).clamp(0.0, 0.5), up]
 }
 
-/// Yaw of the flight at all times, as a rotation about the vertical axis.
+/// Constant yaw of the flight, as a rotation about the vertical axis.
 const YAW_RAD: f64 = std::f64::consts::FRAC_PI_6;
 
-/// Returns a table of the flight's samples at 10 Hz, each row from its time and position.
+/// Returns a table of the flight's samples at 10 Hz, with each row from its time and position.
 fn rows(head: &str, row: impl Fn(f64, [f64; 3]) -> String) -> String {
     let mut text = head.to_owned();
     for i in 0..=120 {
@@ -275,7 +275,7 @@ fn degrees_are_told_where_radians_are_impossible() {
         let steepest = flight.samples.iter().map(|s| s.attitude.roll_rad.abs()).fold(0.0, f64::max);
         assert!((steepest / wanted - 1.0).abs() < 0.02, "{most}: {steepest}\n{}", said(&flight));
         says(&flight, word);
-        // Rates without a unit are treated like the angles.
+        // Rates without a unit are treated in the same way as the angles.
         let fastest = flight.samples.iter().map(|s| s.rate_body_rad_s.x.abs()).fold(0.0, f64::max);
         assert!(
             (fastest / (3.0 * wanted) - 1.0).abs() < 0.05,
@@ -392,7 +392,7 @@ fn what_is_frozen_while_the_drone_moves_was_not_logged_whichever_it_is() {
         says(&flight, &named);
         check(quantity.name(), &flight);
     }
-    // A drone at rest keeps its logged values, and a setpoint may be constant.
+    // A drone at rest retains its logged values, and a setpoint may be constant.
     let rests: [(&str, &dyn Fn(f64) -> f64); 3] =
         [("stateEstimate.x", zero), ("stateEstimate.y", zero), ("stateEstimate.z", &|t| 0.001 * t)];
     let flight = read(variables(&[&rests[..], &all(zero)].concat()).as_bytes());
@@ -447,7 +447,7 @@ fn a_dead_or_diverged_source_is_replaced_by_the_next() {
         "pitch is not inverted"
     );
     assert!(flight.unlogged.contains(&Quantity::Velocity), "{:?}", flight.unlogged);
-    // An additional column that diverged does not prevent reading the rest.
+    // An extra column that diverged does not prevent reading of the rest.
     let log =
         [&POSITION[..], &[("my.channel", &|t: f64| if t > 5.0 { 1e35 } else { 0.0 })]].concat();
     let flight = read(variables(&log).as_bytes());
@@ -495,7 +495,7 @@ fn a_cut_log_of_a_script_is_refused_wherever_it_is_cut() {
         let error = parse(&log.as_bytes()[..end], "log", &ImportOptions::default()).unwrap_err();
         assert!(error.to_string().contains("cut off"), "{end}: {error}");
     }
-    // Other logs are read as far as they go.
+    // Other logs are read up to the point where they end.
     says(&read(&variables(&POSITION).as_bytes()[..log.len() - 100]), "ends too early");
 }
 
@@ -510,8 +510,8 @@ fn an_exported_scripts_log_has_its_words_without_a_warning() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
-    /// Every text reader names, or refuses by name, one unknown thing that is added to a log it
-    /// understands.
+    /// Every text reader names, in a warning or an error, one unknown item that is added to a log
+    /// that it understands.
     #[test]
     fn what_is_not_understood_is_named(name in "[a-z]{5,9}q", word in "[a-z]{3,8}", place in 1..3_usize) {
         let column = |value: &str, title: &str| {

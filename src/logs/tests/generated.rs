@@ -1,5 +1,5 @@
 //! Reads one flight from generated tables and JSON, with columns in any order and naming, and with
-//! their units, separators, encodings, timestamps, and the ids of drones.
+//! various units, separators, encodings, timestamps, and drone ids.
 
 use proptest::prelude::*;
 use proptest::sample::select;
@@ -120,7 +120,7 @@ proptest! {
                 separator => cells.replace(',', separator),
             }
         };
-        // Dates with points are not numbers with commas.
+        // Dates with points are not numbers with decimal commas.
         prop_assume!(separator != "decimal comma" || !["Date,Time", "Uhrzeit,Datum"].contains(&stamp_titles));
         let titles = ["x", "y", "z"].map(|axis| title.replace('*', axis));
         let mut text = row(stamp_titles.into(), titles, other_title.into()).replace(
@@ -254,7 +254,7 @@ format!("{}\n{}\n", head.join(","), rows.join("\n"))
         };
         let digits = if sign == "," && decimals > 0 { ".0" } else { "" };
         let quoted = |cell: String| if separator == "," { format!("\"{cell}\"") } else { cell };
-        // In a table that is separated by commas, points are decimal points.
+        // In a comma-separated table, points are decimal points.
         prop_assume!(sign != "." || separator != ",");
         let mut text = ["t_ms", "x_mm", "y_mm", "z_mm"].join(separator) + "\n";
         for i in 0..=120 {

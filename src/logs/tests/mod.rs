@@ -1,5 +1,5 @@
 //! Tests of complete imports. `tests/it/dialects.rs` reads complete, truncated and broken files in
-//! every dialect. The tests here are about rules that all dialects follow.
+//! every dialect. The tests here concern rules that apply to all dialects.
 
 use noctograph_core::flight::FlightData;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -26,10 +26,10 @@ fn imported(bytes: &[u8]) -> Flight {
     parse(bytes, "log", &ImportOptions::default()).unwrap()
 }
 
-/// Name, phase of the block in ms, and value as a function of the time since 40 s.
+/// Name, phase of the block in ms, and value as a function of the time after 40 s.
 type Variable = (&'static str, u32, fn(f64) -> f64);
 
-/// Returns a JSON log of four seconds from 40 s on, with variables at 100 Hz.
+/// Returns a four-second JSON log that starts at 40 s, with variables sampled at 100 Hz.
 fn json(variables: &[Variable]) -> String {
     let list = |cells: Vec<String>| cells.join(",");
     let variable = |(name, phase_ms, value): &Variable| {
@@ -71,7 +71,7 @@ fn blocks_with_stamps_of_their_own_become_one_flight() {
     let flight = imported(straight_flight().as_bytes());
     assert!(flight.samples.len() > 390 && flight.gaps.is_empty(), "{}", flight.samples.len());
     for sample in &flight.samples {
-        // Time zero is the first attitude, 3 ms after the first position.
+        // Time zero is the time of the first attitude, 3 ms after the first position.
         let s = sample.time_s + 0.003;
         let yaw_rad = 3.0 + 0.1 * s;
         let (a, rate) = (sample.attitude, sample.rate_body_rad_s);
@@ -109,7 +109,7 @@ fn a_wrap_of_the_radio_clock_leaves_no_trace() {
     assert_eq!((flight.samples.len(), flight.gaps.len()), (200, 0), "{:?}", flight.warnings);
 }
 
-/// Writes a flight to a file, and returns what is read back, without warnings.
+/// Writes a flight to a file, and returns what is read back. There must be no warnings.
 fn read_back(flight: &Flight) -> Flight {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("flight.csv");
@@ -231,7 +231,7 @@ fn half_a_quantity_stays_a_column_and_levels_become_lights() {
     assert!(flight.extra.contains_key("log.m1"), "{:?}", flight.extra.keys());
 }
 
-/// Returns a short log in every format, which tests break.
+/// Returns a short log in every format, for tests that damage it.
 fn short_logs() -> [Vec<u8>; 6] {
     let mut usd =
         b"\xbc\x02\0\x01\0\x07\0fast\0\x03\0kalman.stateX(f)\0kalman.stateY(h)\0kalman.stateZ(e)\0"
@@ -266,7 +266,7 @@ fn the_short_logs_are_logs() {
     }
 }
 
-/// Returns a µSD log of version 2 with two event types: one that never occurred, and one with the
+/// Returns a version 2 µSD log with two event types: one that never occurred, and one with the
 /// crossing beams of a flight.
 fn event_log(events: u32) -> Vec<u8> {
     let mut log = b"\xbc\x02\0\x02\0\x03\0estPose\0\x03\0lighthouse.x(f)\0lighthouse.y(f)\0\

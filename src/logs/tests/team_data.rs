@@ -1,5 +1,5 @@
-//! The team's log of NOOR must give the published figures. The log has no license, so that it is
-//! not in the repository: `NOCTOGRAPH_SHARED` names the folder that contains `data/`.
+//! Compares the team's log of NOOR with the published figures. The log has no license and is
+//! therefore not in the repository. `NOCTOGRAPH_SHARED` names the folder that contains `data/`.
 
 use std::path::Path;
 
@@ -21,8 +21,8 @@ fn the_teams_flight_gives_the_figures_known_of_it() {
     let tracking = track(&flight, Part::Airborne).unwrap();
     let (rmse_m, mean_m) = (tracking.rmse_m, tracking.mean_error_m);
     let mean = tracking.attitude.unwrap().mean;
-    // The team's figures interpolate setpoints and gaps. Here setpoints are held and gaps omitted,
-    // which reduces the figures by up to 6 mm.
+    // The team interpolated setpoints and gaps. Here setpoints are held and gaps omitted, which
+    // reduces the figures by up to 6 mm.
     for (actual, wanted, tolerance) in [
         (rmse_m.x, 0.099, 0.007),
         (rmse_m.y, 0.046, 0.003),
@@ -44,7 +44,7 @@ fn the_teams_flight_gives_the_figures_known_of_it() {
 fn the_firmwares_signs_and_units_agree_with_the_teams_observer() {
     let bytes = noor();
     let own = imported(&bytes);
-    // Without the custom observer, the firmware's estimate must agree with it.
+    // Without the custom observer, the firmware's estimate is used, and must agree with it.
     let text = String::from_utf8(bytes).unwrap();
     let text = ["o_x\"", "psi\"", "v_x\""].iter().fold(text, |text, name| {
         text.replace(&format!("ae483log.{name}"), &format!("other.{name}"))
@@ -61,7 +61,7 @@ fn the_firmwares_signs_and_units_agree_with_the_teams_observer() {
         assert!(errors.len() > 3000, "{} samples in common", errors.len());
         median(errors).unwrap()
     };
-    // With the other sign, pitch and roll would differ by 0.05 rad, and in degrees by far more.
+    // With the opposite sign, pitch and roll would differ by 0.05 rad, and in degrees by far more.
     type Number = fn(&FlightSample) -> f64;
     let parts: [(&str, Number, f64); 6] = [
         ("pitch", |s| s.attitude.pitch_rad, 0.01),

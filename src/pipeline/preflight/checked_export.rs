@@ -1,4 +1,4 @@
-//! An export with its checks: the exported flights, the findings about them, and the files.
+//! An export with its checks: the exported flights, their findings, and the files.
 
 use super::{Profile, checks, fly_plans, platform, preflight, preflight_flights};
 use crate::scene::Scene;
@@ -13,49 +13,49 @@ use noctograph_export::{File, Form, Format, Job, Length, Mode, deviation_m, expo
 use noctograph_plan::Plan;
 use noctograph_sim::{Law, SetpointKind};
 
-/// Options of an export: format, mode, tolerance and the limits of its checks.
+/// Options of an export: format, mode, tolerance, and the limits of the checks.
 #[derive(Clone, Debug)]
 pub struct ExportOptions {
     /// Format of the files.
     pub format: Format,
-    /// Setpoints that the script for cflib sends, unless it is run with its own --mode.
+    /// Setpoints that the cflib script sends, unless it is run with its own --mode.
     pub mode: Mode,
     /// Maximum distance of a trajectory from the design.
     pub tolerance_m: f64,
-    /// Limits with which the flight is checked.
+    /// Limits against which the flight is checked.
     pub profile: Profile,
-    /// True if files of unsafe flights are written as well.
+    /// True if files are also written for unsafe flights.
     pub is_unchecked: bool,
 }
 
-/// An export whose flight was checked.
+/// An export with a checked flight.
 #[derive(Debug)]
 pub struct CheckedExport {
     options: ExportOptions,
     shoot: Shoot,
-    /// The trajectory that is exported in place of the plans.
+    /// Trajectory that is exported in place of the plans.
     trajectory: Option<Shoot>,
     checks: Checks,
     /// Findings of all checks. Empty for a format that does not command a flight.
     pub findings: Vec<Diagnostic>,
 }
 
-/// The files of an export.
+/// Files of an export.
 #[derive(Debug)]
 pub struct ExportedFiles {
-    /// Files with their names.
+    /// Files by name.
     pub files: Vec<File>,
     /// Maximum distance of a trajectory from the design.
     pub deviation_m: Option<f64>,
 }
 
-/// Changes a scene to the one that an export flies: no faster than the profile `slow`, paced by a
-/// clock that the script can set, and with setpoints of the kind that the script sends. Returns the
-/// mode of the script, which by default is that of the scene's setpoints.
+/// Changes a scene to what an export flies: no faster than the profile `slow`, paced by a clock
+/// that the script can set, and with the kind of setpoints that the script sends. Returns the
+/// script's mode, which by default follows the scene's setpoints.
 ///
 /// # Errors
 ///
-/// Returns [`Error::Input`] for setpoints that the scene's controller cannot fly.
+/// Returns [`Error::Input`] if the scene's controller cannot fly such setpoints.
 pub fn make_exportable(
     scene: &mut Scene,
     slow: Option<&Profile>,
@@ -65,7 +65,7 @@ pub fn make_exportable(
     if let Some(profile) = slow {
         profile.slow(scene);
     }
-    // The scripts detect the clock of the drone, and use it for timing.
+    // The scripts detect the drone's clock and use it for timing.
     if scene.trajectory_clock() != 1.0 {
         scene.plan.trajectory_clock.get_or_insert(1.0);
     }
@@ -76,12 +76,12 @@ pub fn make_exportable(
     Ok(mode.unwrap_or(mode_of(scene.controller.sends())))
 }
 
-/// Returns the mode in which the script sends setpoints of a kind.
+/// Returns the mode in which the script sends this kind of setpoints.
 fn mode_of(kind: SetpointKind) -> Mode {
     kind.name().parse().expect("setpoints have the names of modes")
 }
 
-/// Makes the scene's controller fly setpoints of a kind. Refuses a kind that it cannot fly.
+/// Sets the kind of setpoints that the controller flies, or returns an error if it cannot.
 fn set_setpoint_kind(scene: &mut Scene, kind: SetpointKind) -> Result<()> {
     let controller = &mut scene.controller;
     // Only the cascade accepts setpoints of several kinds.
@@ -105,15 +105,15 @@ impl CheckedExport {
     ///
     /// # Errors
     ///
-    /// Returns the errors of [`Shoot::as_exported`] and [`preflight`]. Returns [`Error::Input`] for
-    /// a script that needs something that the scene's firmware release lacks.
+    /// Returns the errors of [`Shoot::as_exported`] and [`preflight`]. Returns [`Error::Input`] if
+    /// a script needs a feature that the scene's firmware release lacks.
     pub fn new(shoot: Shoot, options: ExportOptions) -> Result<Self> {
         check_release(&shoot, options.format)?;
         let trajectory = options.format.trajectory(options.mode);
         let trajectory = trajectory
             .map(|(form, length)| shoot.as_exported(form, options.tolerance_m, length))
             .transpose()?;
-        // The checks judge the flight that the file commands: the decoded trajectory, or the plans.
+        // The checks apply to what the file commands: the decoded trajectory, or the plans.
         let exported = trajectory.as_ref().unwrap_or(&shoot);
         let flights = if options.format.flies() { fly_plans(exported)? } else { Vec::new() };
         let checks = checks(exported, &flights, &options.profile);
@@ -125,7 +125,7 @@ impl CheckedExport {
         Ok(Self { options, shoot, trajectory, checks, findings })
     }
 
-    /// Returns the shoot with the plans that a drone flies: the trajectory, if one is exported.
+    /// Returns the shoot whose plans are flown: the exported trajectory or, without one, the plans.
     pub fn flies(&self) -> &Shoot {
         self.trajectory.as_ref().unwrap_or(&self.shoot)
     }
@@ -136,11 +136,11 @@ impl CheckedExport {
         strokes.map_or("drawing", |strokes| strokes.word.as_str())
     }
 
-    /// Returns the files. Scripts contain the reason `unsafe_because`, if one is given.
+    /// Returns the files. Scripts contain the reason `unsafe_because` if one is given.
     pub fn files(&self, unsafe_because: Option<&str>) -> Result<ExportedFiles> {
         let Self { options, shoot, trajectory, checks, .. } = self;
         let ExportOptions { format, mode, tolerance_m, .. } = options;
-        // A script that sends setpoints also offers the trajectory, if the trajectory is safe.
+        // A script that sends setpoints also offers the trajectory if it is safe.
         let on_board = match format {
             Format::Cflib if trajectory.is_none() => {
                 let on_board = shoot.as_exported(Form::Compressed, *tolerance_m, Length::OnBoard);
@@ -150,8 +150,7 @@ impl CheckedExport {
         };
         let refused = if *format == Format::Cflib { self.refused() } else { Vec::new() };
         let plans = plans_of(shoot);
-        // A show contains the light of the design, because a viewer does not simulate lamps, which
-        // delay it.
+        // A show contains the design's light, because a viewer does not simulate the lamps' delay.
         let flown = match format {
             Format::Skyc | Format::Vviz => shoot.as_shown(*tolerance_m)?,
             _ => on_board.as_ref().map(plans_of).unwrap_or_default(),
@@ -176,14 +175,14 @@ impl CheckedExport {
         })
     }
 
-    /// Returns the kinds of setpoints that the script refuses to send, each with the reason.
+    /// Returns the kinds of setpoints that the script refuses to send, with the reason for each.
     fn refused(&self) -> Vec<(&'static str, String)> {
         let kinds = SetpointKind::ALL.iter();
         kinds.filter_map(|kind| Some((kind.name(), self.refusal(*kind)?))).collect()
     }
 
-    /// Returns the reason why the script refuses setpoints of a kind: the controller does not fly
-    /// them, or the flight is not safe. Returns `None` if the script sends them.
+    /// Returns the reason why the script refuses a kind of setpoints: the controller cannot fly
+    /// them, or the flight is unsafe. Returns `None` if the script sends them.
     fn refusal(&self, kind: SetpointKind) -> Option<String> {
         let mut shoot = self.shoot.clone();
         if let Err(error) = set_setpoint_kind(&mut shoot.scene, kind) {
@@ -195,7 +194,7 @@ impl CheckedExport {
         is_unsafe.then(|| reason.to_owned())
     }
 
-    /// Returns true if no check stops a shoot's flights, or if unsafe flights are exported as well.
+    /// Returns true if no check stops a shoot's flights, or if unsafe flights are also exported.
     fn may_fly(&self, shoot: &Shoot) -> bool {
         self.options.is_unchecked
             || preflight(shoot, &self.options.profile)
@@ -203,7 +202,7 @@ impl CheckedExport {
     }
 }
 
-/// Refuses a script for a controller, a lamp or a drone that the scene's firmware release lacks.
+/// Returns an error for a script if the firmware release lacks the controller, lamp or drone.
 fn check_release(shoot: &Shoot, format: Format) -> Result<()> {
     if !matches!(format, Format::Cflib | Format::Crazyswarm2) {
         return Ok(());

@@ -18,25 +18,25 @@ use noctograph_plan::tracking::{Part, least_cap_height_m};
 use noctograph_plan::{LightClock, PlanOptions, StrokeEnd, Style};
 use noctograph_sim::sensors::Positioning;
 
-/// Minimum ratio to the median dose at which a lamp counts as dwelling on a spot: two stops.
+/// Minimum ratio of a dose to the median at which a lamp counts as dwelling on a spot: two stops.
 const DWELL: f64 = 4.0;
-/// Maximum dwell time with light that causes no warning.
+/// Maximum dwell time of a lit lamp that causes no warning.
 const MAX_DWELL_S: f64 = 0.1;
 /// Maximum streak at the end of a stroke, as a fraction of the cap height. A letter with such a
-/// streak has a hook but can be read. The wobble of the drone leaves up to 46 mm in the default
-/// scene.
+/// streak has a hook but is readable. The drone's wobble causes up to 46 mm in the default scene.
 const MAX_STREAK_FRAC: f64 = 0.1;
 /// Maximum exposure range along a trail, in stops. The trail of a Gaussian spot is white over a
-/// width of `2σ √(2 ln 2)` at one stop over saturation, twice that at four stops and 2.2 times that
-/// at five, which looks like two pens. The headlights in NOOR, which can be read, have 4.2 stops.
+/// width of `2σ √(2 ln 2)` at one stop above saturation, twice that at four stops and 2.2 times
+/// that at five, which looks like two pens. The headlights in NOOR, which is readable, have 4.2
+/// stops.
 const MAX_UNEVEN_STOPS: f64 = 4.5;
-/// Maximum time at a motor's limit that does not affect the flight, because the time constant of a
+/// Maximum saturation time of a motor that does not affect the flight. The time constant of a
 /// Crazyflie's motors is at least 0.07 s.
 const BRIEF_SATURATED_S: f64 = 0.07;
-/// Minimum time at a motor's limit that stops the flight.
+/// Minimum saturation time of a motor that stops the flight.
 pub const MAX_SATURATED_S: f64 = 0.5;
 
-/// Checks a simulated flight of a drone: its path, its demands, and its light in the picture.
+/// Checks one drone's simulated flight: its path, its demands, and its light in the picture.
 pub(super) fn check_flight(
     shoot: &Shoot,
     drone: usize,
@@ -66,14 +66,14 @@ pub(super) fn check_flight(
     ])
 }
 
-/// Checks that the letters are large enough for the altitude error.
+/// Checks that the letters are large enough compared with the altitude error.
 fn altitude_hold(flight: &Flight, strokes: Option<&Strokes>) -> Diagnostic {
     fn unchecked(why: &str, advice: &'static str) -> Diagnostic {
         let wanted = "letters of a known height, not a drawing";
         Diagnostic::unchecked("altitude hold", why, wanted, advice)
     }
     let name_word = "name the word of the plans: {word}";
-    // The limit of the error is a fraction of the cap height, which a drawing does not have.
+    // The limit of the error is a fraction of the cap height, which is undefined for a drawing.
     let Some(cap_height_m) = strokes.and_then(cap_height_m) else {
         return if strokes.is_some_and(|strokes| strokes.font.is_none()) {
             unchecked("a drawing has no letters", "look at its preview")
@@ -113,7 +113,7 @@ fn corridor(flight: &Flight, scene: &Scene, profile: &Profile) -> Diagnostic {
         .say(
             format!("strays by {error_m:+.2} m in depth{}", at_time(time_s)),
             format!("within ±{most_m} m of the design"),
-            // The most probable cause comes first: a disturbance of the stations' light.
+            // The most probable cause is tested first: a disturbance of the stations' light.
             match positioning {
                 _ if is_optical && !lighthouse.people_m.is_empty() => {
                     "move people out of the light ({sensors.lighthouse.people_m})"
@@ -156,11 +156,11 @@ fn tilt(flight: &Flight, profile: &Profile) -> Diagnostic {
     )
 }
 
-/// Checks how long a motor is at its limit.
+/// Checks how long a motor is saturated.
 fn motors(flight: &Flight, motor_max: f64) -> Diagnostic {
     let first = flight.samples.iter().find(|sample| sample.is_saturated(motor_max));
     let time_s = first.map(|sample| sample.time_s);
-    // A simulated flight counts the controller's ticks, which are shorter than its samples.
+    // A simulated flight counts saturated controller ticks, which are shorter than its samples.
     let counted_s = flight.at_end(SATURATED_S);
     let duration_s = counted_s.unwrap_or_else(|| saturated_s(&flight.samples, motor_max));
     let severity = if duration_s > MAX_SATURATED_S {
@@ -178,16 +178,16 @@ fn motors(flight: &Flight, motor_max: f64) -> Diagnostic {
     )
 }
 
-/// Maximum fraction of the thrust that may be needed to hover (an assumption). The rest of the
-/// thrust is for attitude control and climbing. A Crazyflie 2.1 with two decks needs two thirds.
+/// Maximum fraction of the thrust that hovering may require (an assumption). The remainder is for
+/// attitude control and climbing. A Crazyflie 2.1 with two decks requires two thirds.
 const MAX_HOVER_FRAC: f64 = 0.85;
 
-/// Checks the fraction of the maximum thrust for hovering at the voltage at the end of the flight.
+/// Checks the fraction of the maximum thrust that hovering requires at the final voltage.
 fn thrust(flight: &Flight, scene: &Scene) -> Diagnostic {
     let weight_n = scene.vehicle.mass_kg * GRAVITY_M_S2;
     let full_n = weight_n / scene.vehicle.hover_throttle();
     let has_battery = scene.battery.capacity_ah > 0.0;
-    // The voltage is that of the last sample in the air, because a battery recovers at rest.
+    // The voltage is taken at the last sample in the air, because a battery recovers at rest.
     let battery_v = flight.extra.get(BATTERY_V).filter(|_| has_battery);
     let last = flight.samples.iter().rposition(|sample| sample.position_m.z > AIRBORNE_M);
     let end_v = battery_v.and_then(|battery_v| battery_v.get(last?)).copied();
@@ -202,7 +202,7 @@ fn thrust(flight: &Flight, scene: &Scene) -> Diagnostic {
     )
 }
 
-/// Minimum height at which a drone counts as in the air, with its battery under load.
+/// Minimum height at which a drone counts as airborne and its battery as loaded.
 const AIRBORNE_M: f64 = 0.2;
 
 /// Checks that the battery lasts for the flight, by the same rule as exported scripts.
@@ -218,7 +218,7 @@ fn battery(flight: &Flight, scene: &Scene) -> Diagnostic {
     let load = Battery::new(&scene.battery, flight, low_v);
     let lasts = load.as_ref().is_none_or(Battery::lasts);
     let never = format!("never {LOW_BATTERY_S} s under {low_v} V, which the firmware calls low");
-    // The limit is the voltage at rest before take-off, which a script can measure.
+    // The limit is a resting voltage before take-off, which a script can measure.
     let (voltages, wanted) = match &load {
         None => ("lasts".to_owned(), never),
         Some(Battery { rest_v, sag_v, least_rest_v, .. }) => {
@@ -237,7 +237,7 @@ fn battery(flight: &Flight, scene: &Scene) -> Diagnostic {
             (voltages, wanted)
         }
     };
-    // A warning of the simulation, such as a cut-off, is given before the voltages.
+    // A warning from the simulation, such as a cut-off, precedes the voltages.
     let detail = warning.map(ToString::to_string).unwrap_or_default();
     let actual = if detail.is_empty() { voltages } else { format!("{detail} ({voltages})") };
     let rest_v = load.as_ref().map(|load| load.rest_v);
@@ -253,12 +253,12 @@ fn battery(flight: &Flight, scene: &Scene) -> Diagnostic {
 
 const NO_LAMP: &str = "no lamp follows the plan's light";
 
-/// Returns the result of a check of light that is unknown because the flight has no light.
+/// Returns the unknown result of a light check, for a flight without light.
 fn without_light(check: &'static str, why: &str) -> Diagnostic {
     Diagnostic::unchecked(check, why, "light along the strokes", CHECK_LIGHT)
 }
 
-/// Checks that the light switches at the ends of strokes, by the largest distance from an end.
+/// Checks the light at the ends of strokes, by the largest distance of a switch from an end.
 fn lit_transit(
     ends: &[StrokeEnd],
     pieces: &[Piece],
@@ -296,7 +296,7 @@ fn lit_transit(
     )
 }
 
-/// Checks the maximum time for which a lamp dwells on a spot, which is then overexposed.
+/// Checks the maximum time for which a lamp dwells on a spot, which would be overexposed.
 fn dwell(pieces: &[Piece], plan: &PlanOptions) -> Diagnostic {
     if pieces.is_empty() {
         return without_light("lit dwell", NO_LAMP);
@@ -323,10 +323,10 @@ fn dwell(pieces: &[Piece], plan: &PlanOptions) -> Diagnostic {
     )
 }
 
-/// Returns the seconds of light in the longest run of pieces with at least [`DWELL`] times the
-/// median dose, and the time at which the run begins. Returns zeros if there is no such run.
+/// Returns the duration of light, s, in the longest run of pieces with at least [`DWELL`] times the
+/// median dose, and the start time of the run. Returns zeros if there is no such run.
 fn longest_dwell(pieces: &[Piece]) -> (f64, f64) {
-    // The dose is light per unit length, and its median is weighted by length.
+    // The dose is light per unit length. Its median is weighted by length.
     let moving = pieces.iter().filter(|piece| piece.length_m > 0.0);
     let mut doses: Vec<(f64, f64)> =
         moving.map(|piece| (piece.light_s / piece.length_m, piece.length_m)).collect();
@@ -349,8 +349,8 @@ fn longest_dwell(pieces: &[Piece]) -> (f64, f64) {
     (longest_s, longest_from_s)
 }
 
-/// Checks the range of the exposure, in stops, along the brightest trail in the picture. `stops` is
-/// `None` for a picture without a trail.
+/// Checks the exposure range, in stops, along the brightest trail in the picture. `stops` is `None`
+/// for a picture without a trail.
 fn evenness(stops: Option<f64>) -> Diagnostic {
     let Some(stops) = stops else {
         return without_light("evenness", "no light of the plan is in the picture");
@@ -375,7 +375,7 @@ mod tests {
 
     #[test]
     fn a_spot_with_too_much_light_is_found() {
-        // The trail is a meter with 5 s of light per meter, followed by 0.3 s on a millimeter.
+        // The trail is one meter long with 5 s of light, followed by a millimeter with 0.3 s.
         let piece = |time_s, length_m, light_s| Piece { time_s, length_m, light_s };
         let mut pieces: Vec<Piece> =
             (0..100).map(|k| piece(f64::from(k) * 0.05, 0.01, 0.05)).collect();
@@ -424,7 +424,7 @@ mod tests {
                 None,
                 LightClock::Light,
             ),
-            // The lamp shines continuously.
+            // The lamp is on continuously.
             lit_transit(&[end], &[], None, LightClock::Light),
             dwell(&[], &PlanOptions::default()),
             evenness(None),

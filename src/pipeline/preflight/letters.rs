@@ -1,4 +1,4 @@
-//! Checks letters for doubled strokes, lit tails, light that is never off, and jumps.
+//! Checks letters for doubled strokes, lit tails, permanent light, and jumps.
 
 use nalgebra::Vector2;
 
@@ -8,15 +8,15 @@ use noctograph_core::geometry::distance;
 use noctograph_letters::{DRAWING, Glyph, Move, Strokes};
 use noctograph_plan::Style;
 
-/// Maximum distance between two lit moves at which they count as one line drawn twice.
+/// Maximum distance between two lit moves that count as one line drawn twice.
 const SAME_LINE_M: f64 = 0.002;
-/// Maximum length of a doubled stroke, and of a pen jump, that causes no warning.
+/// Maximum length of a doubled stroke or of a pen jump that causes no warning.
 const SHORT_M: f64 = 0.02;
 
-/// Checks the letters. The light at the beginning and end of a letter matters only in style `team`,
-/// whose plan follows the dark moves of the letters.
+/// Checks the letters. Light at the beginning and end of a letter only matters in style `team`,
+/// whose plan follows the dark moves.
 pub(super) fn check_letters(strokes: &Strokes, style: &Style) -> Vec<Diagnostic> {
-    // The glyphs are sorted, so that equal letters are adjacent and each is named only once.
+    // The glyphs are sorted, so that equal letters are adjacent and each is reported only once.
     let mut glyphs: Vec<&Glyph> = strokes.glyphs.iter().collect();
     glyphs.sort_by_key(|glyph| glyph.character);
     let mut findings = vec![check_lengths(
@@ -48,7 +48,7 @@ pub(super) fn check_letters(strokes: &Strokes, style: &Style) -> Vec<Diagnostic>
             faulty.dedup();
             let (is_bad, detail) = (!faulty.is_empty(), named(faulty));
             let actual = if is_bad { detail.clone() } else { "none".to_owned() };
-            // Style `even` helps as well, because its plan does not follow the dark moves.
+            // Style `even` also helps, because its plan does not follow the dark moves.
             let advice = "write with {letters.font=ae483-fixed}, or plan with {plan.style=even}";
             let row = Diagnostic::check(check, warn_if(is_bad), f64::from(is_bad));
             findings.push(row.detailed(detail).say(actual, wanted, advice));
@@ -57,7 +57,7 @@ pub(super) fn check_letters(strokes: &Strokes, style: &Style) -> Vec<Diagnostic>
     findings
 }
 
-/// A fault of a font: the name of its check, the test of a letter, and the wanted state.
+/// Fault of a font: the name of its check, a test for a letter, and the desired state.
 type Fault = (&'static str, fn(&Glyph) -> bool, &'static str);
 
 const FAULTS: [Fault; 3] = [
@@ -76,12 +76,12 @@ fn never_off(glyph: &Glyph) -> bool {
     has_tail(glyph) && glyph.moves.last().is_some_and(|last| last.lit)
 }
 
-/// Returns true if a move does not begin at the end of the previous move.
+/// Returns true if a move does not begin at the end of the previous one.
 fn jumps(glyph: &Glyph) -> bool {
     glyph.moves.windows(2).any(|pair| distance(pair[0].to_m, pair[1].from_m) > SHORT_M)
 }
 
-/// Returns the total length that is lit twice.
+/// Returns the total length of strokes that are lit twice.
 fn doubled_m(moves: &[Move]) -> f64 {
     let lit: Vec<[Vector2<f64>; 2]> = moves
         .iter()
@@ -92,20 +92,20 @@ fn doubled_m(moves: &[Move]) -> f64 {
     pairs.map(|(a, b)| shared_m(a, b)).sum()
 }
 
-/// Returns the length that two straight moves have in common, or 0 if they are not on one line.
+/// Returns the length of the overlap of two straight moves, or 0 if they are not on one line.
 fn shared_m(a: &[Vector2<f64>; 2], b: &[Vector2<f64>; 2]) -> f64 {
     let length_m = (a[1] - a[0]).norm();
     let direction = (a[1] - a[0]) / length_m;
     if b.iter().any(|point| (point - a[0]).perp(&direction).abs() > SAME_LINE_M) {
         return 0.0;
     }
-    // The second move is projected onto the first, and clipped at the ends of the first.
+    // The second move is projected onto the first and clipped at its ends.
     let [from, to] =
         [&b[0], &b[1]].map(|point| (point - a[0]).dot(&direction).clamp(0.0, length_m));
     (to - from).abs()
 }
 
-/// Checks that the length found in any letter is at most `limit_m`.
+/// Checks that a length measured in each letter is at most `limit_m`.
 fn check_lengths(
     check: &'static str,
     lengths_m: impl Iterator<Item = (char, f64)>,

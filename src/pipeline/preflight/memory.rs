@@ -1,4 +1,4 @@
-//! Checks of the drone's memories for trajectory and lights.
+//! Checks that trajectory and lights fit in the drone's memories.
 
 use super::warn_if;
 use crate::shoot::Shoot;
@@ -10,17 +10,17 @@ use noctograph_export::lights::timing_entries;
 use noctograph_export::poly4d::MAX_PIECES;
 use noctograph_export::{Form, Length, Memory, memory};
 
-/// Name of the check of the LED timing memory.
+/// Name of the check for the LED timing memory.
 pub const LED_MEMORY: &str = "LED memory";
 
-/// Returns the unknown result of a check for a plan that the export refuses.
+/// Returns the unknown result of a check on a plan that cannot be exported.
 fn not_exported(check: &'static str, error: &Error) -> Diagnostic {
     let wanted = "a plan that can be exported";
     Diagnostic::unchecked(check, error, wanted, "change what the export refuses")
 }
 
-/// Checks that the plan fits into the drone's memory as a trajectory, by its size in bytes if
-/// compressed, and by its number of pieces as poly4d.
+/// Checks that the plan fits in the drone's trajectory memory, by its size in bytes if compressed,
+/// and by its number of pieces as poly4d.
 pub(super) fn check_memory(shoot: &Shoot, drone: usize) -> Diagnostic {
     let release = shoot.scene.vehicle.firmware;
     let memory = match memory(release, &shoot.designs()[drone]) {
@@ -28,7 +28,7 @@ pub(super) fn check_memory(shoot: &Shoot, drone: usize) -> Diagnostic {
         Err(error) => return not_exported("memory", &error),
     };
     let Memory { bytes, flies_heading, pieces, formats, fits_all } = memory;
-    // Each number beyond its limit is marked, and so is a heading that the firmware misreads.
+    // Each number above its limit is marked, and so is a heading that the firmware misreads.
     let [bytes_beyond, pieces_beyond] = [bytes > TRAJECTORY_MEMORY_BYTES, pieces > MAX_PIECES]
         .map(|is_beyond| if is_beyond { ", too many" } else { "" });
     let detail = formats.join(", ");
@@ -72,8 +72,8 @@ pub(super) fn check_led_memory(shoot: &Shoot, drone: usize) -> Diagnostic {
     )
 }
 
-/// Returns the number of LED timing entries for a drone's lights, as timed on the exported
-/// trajectory. Returns `None` if the drone writes with lamps other than the ring.
+/// Returns the number of LED timing entries for a drone's lights, timed by the exported trajectory.
+/// Returns `None` if the drone writes with lamps other than the ring.
 fn timing_entries_of(shoot: &Shoot, drone: usize) -> Result<Option<usize>> {
     if !shoot.plans[drone].plan.lamps().map(|(lamp, _)| lamp).eq([RING.name]) {
         return Ok(None);

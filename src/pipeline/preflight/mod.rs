@@ -1,8 +1,8 @@
-//! Preflight: checks a flight before it is flown.
+//! Preflight: checks a flight before takeoff.
 //!
 //! Products in: a [`Shoot`], and the limits of a [`Profile`], within a room if its size is known.
 //! Product out: a [`Diagnostic`] for each check of letters, plans, simulated flights, lamps, base
-//! stations and picture. Problems of the picture are those of [`crate::shoot::problems`]. Things
+//! stations and picture. Problems of the picture are those of [`crate::shoot::problems`]. Objects
 //! that no key of the scene describes, such as doors, are not checked.
 
 use crate::scene::{Preset, Scene};
@@ -47,7 +47,7 @@ pub use profile::Profile;
 pub use room::{hang_stations, letters_within, parse_room};
 use surroundings::{check_coverage, check_surroundings};
 
-/// Maximum position error at which letters are readable, in cap heights.
+/// Maximum position error for readable letters, in cap heights.
 const MAX_ERROR_H: f64 = 0.05;
 /// Cap height that is assumed for plans without a word.
 const CAP_HEIGHT_M: f64 = 0.5;
@@ -55,7 +55,7 @@ const CAP_HEIGHT_M: f64 = 0.5;
 /// Standard gravity, m/s².
 const GRAVITY_M_S2: f64 = 9.806_65;
 
-/// Findings about flights, and the positions of things in their room.
+/// Findings about flights, and the positions of objects in the room.
 #[derive(Clone, Debug)]
 pub struct Preflight {
     /// Results of all checks.
@@ -68,7 +68,7 @@ pub struct Preflight {
 ///
 /// # Errors
 ///
-/// Returns the errors of the stages. If a flight is infeasible, this is a finding instead.
+/// Returns the errors of the stages. An infeasible flight is a finding instead.
 pub fn preflight(shoot: &Shoot, profile: &Profile) -> Result<Preflight> {
     preflight_flights(shoot, fly_plans(shoot)?, profile)
 }
@@ -77,7 +77,7 @@ pub fn preflight(shoot: &Shoot, profile: &Profile) -> Result<Preflight> {
 ///
 /// # Errors
 ///
-/// Returns the errors of [`preflight`]. The list contains an error for an infeasible flight.
+/// Returns the errors of [`preflight`]. An infeasible flight is an error within the list.
 pub fn fly_plans(shoot: &Shoot) -> Result<Vec<Result<Flight>>> {
     let drones = 0..shoot.plans.len();
     if !shoot.is_one_simulation() {
@@ -93,13 +93,13 @@ pub fn fly_plans(shoot: &Shoot) -> Result<Vec<Result<Flight>>> {
     }
 }
 
-/// Checks flights that were already simulated, as [`preflight`] does.
+/// Checks flights that have already been simulated, as [`preflight`] does.
 pub fn preflight_flights(
     shoot: &Shoot,
     flown: Vec<Result<Flight>>,
     profile: &Profile,
 ) -> Result<Preflight> {
-    // First the design is checked: letters, plans, and their distance from people and things.
+    // First the design is checked: letters, plans, and their distance from people and objects.
     let paths = Paths::new(shoot, flown.iter().flatten());
     let mut findings = check_design(shoot, profile, &paths);
     findings.extend(check_downwash(shoot, &flown));
@@ -121,7 +121,7 @@ pub fn preflight_flights(
         checks.push(check_coverage(&shoot.plans[drone].plan, &shoot.scene)?);
         findings.extend(numbered(shoot, drone, checks));
     }
-    // Last the room is checked. A picture cannot pass if its camera would be outside the room.
+    // Finally the room is checked. A picture cannot pass if its camera would be outside the room.
     let in_room = check_room(shoot, profile)?;
     let is_inside = in_room.iter().all(|row| row.severity == Severity::Fine);
     let mut pictures = check_picture(shoot, picture.as_ref());
@@ -133,7 +133,7 @@ pub fn preflight_flights(
     Ok(Preflight { findings, placement: placement.transpose()?.flatten() })
 }
 
-/// Checks that things are inside the room, and that the room has a position for the camera.
+/// Checks that objects are inside the room, and that the room has space for the camera.
 fn check_room(shoot: &Shoot, profile: &Profile) -> Result<Vec<Diagnostic>> {
     let Some(room_m) = profile.room_m else {
         let wanted = "the room's size, with its middle at x = y = 0";
@@ -163,14 +163,14 @@ impl Shot {
         preflight_flights(&self.shoot, self.flights.iter().cloned().map(Ok).collect(), profile)
     }
 
-    /// Returns the positions of all things in the room, or `None` without a room or strokes.
+    /// Returns the positions of all objects in the room, or `None` without a room or strokes.
     pub fn placement(&self, profile: &Profile) -> Result<Option<ShotPlan>> {
         let paths = Paths::new(&self.shoot, &self.flights);
         plan_shot(&self.shoot, &self.trace, self.camera.shutter_close_s, profile, &paths)
     }
 }
 
-/// Adds the drone's number to findings about it if there are several drones.
+/// Adds the drone's number to its findings if there are several drones.
 fn numbered(
     shoot: &Shoot,
     drone: usize,
@@ -180,7 +180,7 @@ fn numbered(
     findings.into_iter().map(move |finding| finding.of_drone(number))
 }
 
-/// Checks letters and plans, and their distance from people and things.
+/// Checks letters and plans, and their distance from people and objects.
 fn check_design(shoot: &Shoot, profile: &Profile, paths: &Paths) -> Vec<Diagnostic> {
     let mut findings = match &shoot.strokes {
         Some(strokes) => check_letters(strokes, &shoot.scene.plan.style),
@@ -197,8 +197,7 @@ fn check_design(shoot: &Shoot, profile: &Profile, paths: &Paths) -> Vec<Diagnost
         let checks = check_plan(design, &lamps, is_even, profile);
         findings.extend(numbered(shoot, drone, checks));
     }
-    // Drones with trajectories on board wait in the air for their turn. Only the plans contain this
-    // wait.
+    // Drones with onboard trajectories wait in the air for their turn, which only the plans show.
     findings.extend(check_separation(&plans_of(shoot)));
     findings.extend(check_people(shoot, paths));
     findings.push(check_obstacles(shoot, profile));
@@ -211,33 +210,33 @@ fn largest(values: impl IntoIterator<Item = (f64, f64)>) -> (f64, f64) {
     values.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or_default()
 }
 
-/// Returns ` at 1.2 s`, which follows a value in a sentence, or an empty text for `None`.
+/// Returns ` at 1.2 s`, which is appended to a value in a sentence, or an empty text for `None`.
 fn at_time(time_s: impl Into<Option<f64>>) -> String {
     time_s.into().map_or(String::new(), |time_s| format!(" at {time_s:.1} s"))
 }
 
-/// Returns a warning if a limit is exceeded.
+/// Returns `Warning` if a limit is exceeded.
 fn warn_if(is_exceeded: bool) -> Severity {
     if is_exceeded { Severity::Warning } else { Severity::Fine }
 }
 
-/// Returns a stop if a limit is exceeded.
+/// Returns `Stop` if a limit is exceeded.
 fn stop_if(is_exceeded: bool) -> Severity {
     if is_exceeded { Severity::Stop } else { Severity::Fine }
 }
 
-/// A drone that is planned into the downwash of another drone.
+/// A drone whose plan enters another drone's downwash.
 struct LowerDrone {
     index: usize,
     /// Closest approach to the nearest drone above it.
     approach: Approach,
-    /// Maximum position error because of the downwash, and its time.
+    /// Maximum position error due to the downwash, and the time at which it occurs.
     error_m: f64,
     time_s: f64,
 }
 
-/// Checks the position error because of other drones' downwash. Returns `None` for a single drone,
-/// and without a downwash model.
+/// Checks the position error due to other drones' downwash. Returns `None` for a single drone, or
+/// without a downwash model.
 fn check_downwash(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Diagnostic> {
     if shoot.plans.len() < 2 || shoot.scene.air.downwash == Downwash::None {
         return None;
@@ -245,7 +244,7 @@ fn check_downwash(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Diagnostic>
     let most_m =
         MAX_ERROR_H * shoot.strokes.as_ref().and_then(cap_height_m).unwrap_or(CAP_HEIGHT_M);
     let lower_drones = nearest_above_each_lower(shoot).into_iter().map(|(index, approach)| {
-        // The error of a flight that fails is infinite.
+        // A failed flight has an infinite error.
         let error = downwash_error(shoot, index, &flown[index]);
         let (error_m, time_s) = error.unwrap_or((f64::INFINITY, approach.time_s));
         LowerDrone { index, approach, error_m, time_s }
@@ -271,8 +270,8 @@ fn check_downwash(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Diagnostic>
     ))
 }
 
-/// Returns the index of each drone that is planned into a downwash, with its closest approach to
-/// the drone that is least above it.
+/// Returns the index of each drone whose plan enters a downwash, with its closest approach to the
+/// drone least far above it.
 fn nearest_above_each_lower(shoot: &Shoot) -> Vec<(usize, Approach)> {
     let pairs = shoot.downwash_pairs().into_iter();
     let mut lower: Vec<_> = pairs.map(|([_, lower], approach)| (lower, approach)).collect();
@@ -284,7 +283,7 @@ fn nearest_above_each_lower(shoot: &Shoot) -> Vec<(usize, Approach)> {
 }
 
 /// Returns the maximum distance between a drone's flight below others and its flight without them,
-/// and its time. Returns `None` if a flight fails, which is a separate finding.
+/// and the time of the maximum. Returns `None` if a flight fails, which is a separate finding.
 fn downwash_error(shoot: &Shoot, drone: usize, flown: &Result<Flight>) -> Option<(f64, f64)> {
     let undisturbed = shoot.fly_drone(drone, &mut |_| {}).ok()?;
     let pairs = undisturbed.samples.iter().zip(&flown.as_ref().ok()?.samples);
@@ -297,7 +296,7 @@ fn cap_height_m(strokes: &Strokes) -> Option<f64> {
     Some(letter.cell.cap_height_m)
 }
 
-/// Returns the firmware's platform of the scene's drone, or `None` for other manufacturers' drones.
+/// Returns the firmware platform of the scene's drone, or `None` for drones of other manufacturers.
 pub fn platform(scene: &Scene) -> Option<Platform> {
     match scene.preset {
         Preset::Cf21 | Preset::Cf21ThrustKit | Preset::Ae4832022 => Some(Platform::Crazyflie2),
@@ -306,8 +305,8 @@ pub fn platform(scene: &Scene) -> Option<Platform> {
     }
 }
 
-/// Returns what exported files contain about the checks: the limits of the profile, the battery
-/// load of each flight, and the scene.
+/// Returns the information about the checks that exported files contain: the limits of the profile,
+/// the battery load of each flight, and the scene.
 pub fn checks(shoot: &Shoot, flown: &[Result<Flight>], profile: &Profile) -> Checks {
     let (scene, platform) = (&shoot.scene, platform(&shoot.scene));
     let low_v = platform.map(|platform| platform.low_battery_v());
@@ -315,7 +314,7 @@ pub fn checks(shoot: &Shoot, flown: &[Result<Flight>], profile: &Profile) -> Che
         .iter()
         .map(|flight| Battery::new(&scene.battery, flight.as_ref().ok()?, low_v?))
         .collect();
-    // The scene is written to the script, and from there to its log, without paths of this machine.
+    // The scene is copied to the script and its log, so it must not contain local paths.
     let portable = scene.portable();
     Checks {
         platform,
@@ -342,7 +341,7 @@ mod tests {
         let mut upper = lower.clone();
         upper.edit(|upper| {
             for setpoint in upper.setpoints.iter_mut().filter(|setpoint| !setpoint.on_floor()) {
-                // The second drone flies above the word, slightly to the side of its middle.
+                // The second drone flies above the word, slightly off its center.
                 setpoint.position_m += Vector3::new(0.05, 0.0, 0.5);
             }
         });

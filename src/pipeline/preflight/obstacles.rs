@@ -1,10 +1,11 @@
-//! Checks how close a flight comes to people and things in the room.
+//! Checks how close a flight comes to people and objects in the room.
 //!
-//! In: a [`Shoot`], and its flights. Out: the distance of an audience, and the findings `people`
-//! and `obstacles`. People must be farther away than a drone without commands can come. The
-//! distance to things must be at least the margin of a wall plus the drone's radius. The distance
-//! to a thing on the floor is horizontal, because a drone that lands in an emergency descends
-//! vertically. Doors, cables and other things that no key of the scene describes are not checked.
+//! Products in: a [`Shoot`] and its flights. Products out: the distance of an audience, and the
+//! findings `people` and `obstacles`. People must be farther away than a drone can travel without
+//! commands. The distance to objects must be at least the margin of a wall plus the drone's radius.
+//! The distance to an object on the floor is horizontal, because a drone descends vertically in an
+//! emergency landing. Doors, cables and other objects that the scene does not describe are not
+//! checked.
 
 use std::f64::consts::SQRT_2;
 
@@ -26,8 +27,8 @@ use noctograph_export::safety::{LEAST_PEOPLE_M, START_RADIUS_M};
 use noctograph_sim::sensors::Positioning;
 use noctograph_sim::vehicle::FloorStep;
 
-/// Assumed radius of a tripod with its camera at the height of a flight. A smaller radius would
-/// ignore a long lens. A larger radius would leave no room for a camera in the smallest room.
+/// Assumed radius of a tripod with its camera, at flight height. A smaller radius would ignore a
+/// long lens. A larger radius would leave no room for a camera in the smallest room.
 const TRIPOD_M: f64 = 0.15;
 
 /// Assumed radius of a base station or an anchor with its stand. A station is 75 mm wide.
@@ -38,17 +39,17 @@ const LEVEL_COS: f64 = 0.7;
 
 /// Paths of all drones, as planned and, if there are flights, as flown.
 pub(super) struct Paths {
-    /// Straight pieces of the paths, each with the time at which it begins.
+    /// Straight segments of the paths, each with its start time.
     pieces: Vec<([Vector3<f64>; 2], f64)>,
     /// Minimum distance of an audience, as in [`super::ShotPlan::audience_from_m`].
     pub(super) audience_from_m: f64,
 }
 
 impl Paths {
-    /// Returns the paths of a shoot's plans and of their flights.
+    /// Returns the paths of a shoot's plans and flights.
     pub(super) fn new<'a>(shoot: &Shoot, flights: impl IntoIterator<Item = &'a Flight>) -> Self {
-        // A plan's speed is computed from positions, because the velocities in a file may be of
-        // another flight.
+        // A plan's speed is computed from positions, because the velocities in a file may belong to
+        // a different flight.
         let plans = shoot.plans.iter().map(|planned| &planned.plan);
         let mut speed_m_s = plans.clone().map(greatest_speed_m_s).fold(0.0, f64::max);
         let mut pieces: Vec<_> = plans.flat_map(pieces).collect();
@@ -62,25 +63,25 @@ impl Paths {
         // A drone without commands flies on until its motors stop, and then falls from its maximum
         // height: v (t + √(2 h / g)).
         let reach_m = speed_m_s * (MOTORS_STOP_S + (2.0 * top_m / GRAVITY_M_S2).sqrt());
-        // The distance is rounded up to the printed decimals, so that message and check agree.
+        // The distance is rounded up to the printed precision, so that message and check agree.
         Self { pieces, audience_from_m: ((10.0 * reach_m).ceil() / 10.0).max(LEAST_PEOPLE_M) }
     }
 
-    /// Returns the minimum y of the paths, m, at most 0. The camera is on the side of negative y.
+    /// Returns the minimum y of the paths, m, at most 0. The camera is at negative y.
     pub(super) fn front_m(&self) -> f64 {
         let points = self.pieces.iter().flat_map(|(points, _)| points);
         points.map(|point| point.y).fold(0.0, f64::min)
     }
 }
 
-/// Returns the straight pieces between a plan's setpoints, each with the time at which it begins.
+/// Returns the straight segments between a plan's setpoints, each with its start time.
 fn pieces(plan: &Plan) -> impl Iterator<Item = ([Vector3<f64>; 2], f64)> {
     let pairs = plan.setpoints.windows(2);
     pairs.map(|pair| ([pair[0].position_m, pair[1].position_m], pair[0].time_s))
 }
 
-/// Checks the horizontal distance between people and a flight, because a drone that fails falls.
-/// Returns `None` if there are no people in the scene.
+/// Checks the horizontal distance between people and a flight, because a failed drone falls.
+/// Returns `None` if the scene contains no people.
 pub(super) fn check_people(shoot: &Shoot, paths: &Paths) -> Option<Diagnostic> {
     // A person is modeled as a circle on the floor.
     let people = &shoot.scene.sensors.lighthouse.people_m;
@@ -104,19 +105,19 @@ pub(super) fn check_people(shoot: &Shoot, paths: &Paths) -> Option<Diagnostic> {
     ))
 }
 
-/// A thing in the room that a drone must not touch.
+/// An object in the room that a drone must not touch.
 struct Thing {
     name: String,
     shape: Solid,
-    /// True for the step of the floor from which the drone takes off.
+    /// True for the floor step from which the drone takes off.
     is_stand: bool,
     advice: &'static str,
 }
 
-/// Checks the distance from the plans to the camera and to the things in the scene.
+/// Checks the distance of the plans from the camera and from objects in the scene.
 pub(super) fn check_obstacles(shoot: &Shoot, profile: &Profile) -> Diagnostic {
-    // The motors are at the corners of a square. Propellers do not overlap, so that they extend at
-    // most half a side of the square beyond the motors.
+    // The motors are at the corners of a square. Propellers do not overlap, so they extend at most
+    // half a side of the square beyond the motors.
     let limit_m = ROOM_MARGIN_M + (1.0 + SQRT_2) * shoot.scene.vehicle.arm_m;
     let wanted =
         format!("{limit_m:.2} m or more from take-off to landing, and straight down from there");
@@ -125,7 +126,7 @@ pub(super) fn check_obstacles(shoot: &Shoot, profile: &Profile) -> Diagnostic {
         let away = pieces_away_from_mark(&plan.setpoints);
         for thing in things(shoot, plan, profile) {
             for (row, (piece, time_s)) in pieces(plan).enumerate() {
-                // A drone may be close to its stand while it takes off and lands.
+                // A drone may be close to its stand during take-off and landing.
                 if thing.is_stand && !away.contains(&row) {
                     continue;
                 }
@@ -145,13 +146,14 @@ pub(super) fn check_obstacles(shoot: &Shoot, profile: &Profile) -> Diagnostic {
     row.say(format!("{name} is {least_m:.2} m from the flight, nearest{when}"), wanted, advice)
 }
 
-/// Returns the indices of the pieces between take-off and landing. Piece i begins at setpoint i.
+/// Returns the indices of the segments between take-off and landing. Segment i begins at setpoint
+/// i.
 fn pieces_away_from_mark(setpoints: &[Setpoint]) -> std::ops::Range<usize> {
     let (rise, descent) = (n_above_mark(setpoints.iter()), n_above_mark(setpoints.iter().rev()));
     rise.saturating_sub(1)..setpoints.len() - descent
 }
 
-/// Returns the number of initial setpoints that have no letter and are above the first one.
+/// Returns the number of initial setpoints without a letter that are directly above the first one.
 fn n_above_mark<'a>(mut setpoints: impl Iterator<Item = &'a Setpoint> + Clone) -> usize {
     let Some(mark) = setpoints.clone().next() else { return 0 };
     let above = setpoints.by_ref().take_while(|s| {
@@ -160,7 +162,7 @@ fn n_above_mark<'a>(mut setpoints: impl Iterator<Item = &'a Setpoint> + Clone) -
     above.count()
 }
 
-/// Returns the camera and the things in the scene: beacons, steps of the floor, mirrors and panes.
+/// Returns the camera and the objects in the scene: beacons, floor steps, mirrors and panes.
 fn things(shoot: &Shoot, plan: &Plan, profile: &Profile) -> Vec<Thing> {
     let scene = &shoot.scene;
     let ceiling_m = profile.room_m.map_or(profile.volume_m[1][2], |room_m| room_m[2]);
@@ -175,7 +177,7 @@ fn things(shoot: &Shoot, plan: &Plan, profile: &Profile) -> Vec<Thing> {
     }
     things.extend(beacons(scene, ceiling_m));
     for (number, FloorStep { x_m, y_m, height_m }) in scene.floor.steps.iter().enumerate() {
-        // A drone may fly above the step that carries its take-off mark, but not above other steps.
+        // A drone may fly above the step with its take-off mark, but not above other steps.
         let is_stand = *height_m == stand_m;
         let top_m = if is_stand { *height_m } else { f64::INFINITY };
         let ends_m = [*x_m, *y_m, [f64::NEG_INFINITY, top_m]];
@@ -188,10 +190,10 @@ fn things(shoot: &Shoot, plan: &Plan, profile: &Profile) -> Vec<Thing> {
     things
 }
 
-/// Returns the base stations or anchors as things.
+/// Returns the base stations or anchors as objects.
 fn beacons(scene: &Scene, ceiling_m: f64) -> Vec<Thing> {
     let beacons = stations(scene).into_iter().map(|(name, [x, y, z])| {
-        // Beacons in the lower half of a room stand, and those in the upper half hang.
+        // Beacons in the lower half of a room stand on the floor, those in the upper half hang.
         let shape = if z < 0.5 * ceiling_m {
             Solid::pillar([x, y], BEACON_M)
         } else {
@@ -203,13 +205,13 @@ fn beacons(scene: &Scene, ceiling_m: f64) -> Vec<Thing> {
     beacons.collect()
 }
 
-/// Returns mirrors and panes as obstacles, except horizontal ones, above which drones fly.
+/// Returns mirrors and panes as obstacles, except horizontal ones, over which drones fly.
 fn reflectors(scene: &Scene) -> Vec<Thing> {
     let mut things = Vec::new();
     let lighthouse = &scene.sensors.lighthouse;
     for (key, planes) in [("mirrors_m", &lighthouse.mirrors_m), ("panes_m", &lighthouse.panes_m)] {
         for (number, [point_m, normal]) in planes.iter().enumerate() {
-            // A normal of zero length becomes NaN, which the comparison below excludes.
+            // A normal of zero length becomes NaN, which fails the comparison below.
             let normal = Vector3::from(*normal).normalize();
             if normal.z.abs() < LEVEL_COS {
                 let name = format!("sensors.lighthouse.{key}[{number}]");
@@ -222,8 +224,8 @@ fn reflectors(scene: &Scene) -> Vec<Thing> {
     things
 }
 
-/// Returns the names, such as `anchor 1` or `station 2`, and the positions of the beacons by which
-/// the drone determines its position. A drone that does so by satellites has none.
+/// Returns the names, such as `anchor 1` or `station 2`, and the positions of the beacons that the
+/// drone uses for positioning. The list is empty for satellite positioning.
 pub fn stations(scene: &Scene) -> Vec<(String, [f64; 3])> {
     let (kind, positions_m) = match scene.sensors.positioning {
         Positioning::UwbTwr | Positioning::UwbTdoa => {

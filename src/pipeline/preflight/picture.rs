@@ -1,4 +1,4 @@
-//! Checks the picture that flights would leave: its problems, and its light along the strokes.
+//! Checks the picture that flights would produce: its problems, and the light along the strokes.
 
 use super::warn_if;
 use crate::scene::Scene;
@@ -11,35 +11,35 @@ use noctograph_core::flight::{Flight, warning::UNSEEN};
 use noctograph_picture::expose::meter::{LampReading, meter};
 use noctograph_picture::light::{Lamp, LightTrace, LightTraceData};
 
-/// Name of the check of the picture.
+/// Name of the picture's check.
 pub const PICTURE: &str = "picture";
 
 /// Minimum fraction of light facing away from the camera at which the word is invisible.
 const MOST_AWAY_FRAC: f64 = 0.95;
 
-/// Maximum time without a view of two base stations that does not harm the picture, because the
+/// Maximum time without a view of two base stations that does not affect the picture, because the
 /// gyroscope and one station bridge it.
 const MAX_UNSEEN_S: f64 = 1.0;
 
-/// Duration of the pieces of path over which light is summed, 1 cm at 0.2 m/s. A piece is as long
-/// as the blur of a lamp, so that the trembling of a drone causes no hot spot.
+/// Duration of the path segments over which light is summed, 1 cm at 0.2 m/s. Such a segment is as
+/// long as a lamp's blur, so that the trembling of a drone causes no hot spot.
 const PIECE_S: f64 = 0.05;
 
-/// Picture of the light of all drones.
+/// Picture of all drones' light.
 pub(super) struct Picture {
     /// Lamps of all drones, and the camera. `None` if there is no picture.
     pub(super) lit: Option<(LightTrace, Camera)>,
-    /// Exposures of the lamps that write.
+    /// Exposures of the writing lamps.
     readings: Vec<LampReading>,
     problems: Vec<Diagnostic>,
-    /// True if the light of the lamps that write is completely outside the picture.
+    /// True if the light of the writing lamps is completely outside the picture.
     is_unseen: bool,
 }
 
 impl Picture {
     /// Returns the picture of flights, or `None` if one of the flights fails.
     pub(super) fn new(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Self> {
-        // The flights are passed as recordings, so that nothing is simulated again.
+        // The flights are passed as recordings, so that they are not simulated again.
         let flights = flown.iter().map(|flight| flight.as_ref().ok().cloned());
         let recordings = flights.map(|f| f.map(Recording::Flight)).collect::<Option<Vec<_>>>()?;
         let flown = Shoot { recordings, ..shoot.clone() };
@@ -73,11 +73,11 @@ impl Picture {
     }
 }
 
-/// Describes a picture without a problem.
+/// Description of a picture without problems.
 const WANTED: &str = "the whole word in the picture, lit while the shutter is open";
 
-/// Returns a finding for each problem that a preview reports, such as a word outside the picture, a
-/// closed shutter or dark lamps.
+/// Returns a finding for each problem that a preview would report, such as a word outside the
+/// picture, a closed shutter or dark lamps.
 pub(super) fn check_picture(shoot: &Shoot, picture: Option<&Picture>) -> Vec<Diagnostic> {
     fn unchecked(why: &str) -> Vec<Diagnostic> {
         let advice = "remove what stops the flight, or plan a word";
@@ -88,7 +88,7 @@ pub(super) fn check_picture(shoot: &Shoot, picture: Option<&Picture>) -> Vec<Dia
     if shoot.strokes.is_none() && !setpoints.any(|setpoint| setpoint.letter.is_some()) {
         return unchecked("the plans write no letter");
     }
-    // A camera that points elsewhere causes all other problems, which are not reported.
+    // A camera that points elsewhere causes the other problems, which are not reported.
     if picture.is_unseen {
         let (actual, wanted) = ("the camera shows none of the light that writes", "the whole word");
         let advice = "point the camera at the word ({camera.framing=word})";
@@ -101,7 +101,7 @@ pub(super) fn check_picture(shoot: &Shoot, picture: Option<&Picture>) -> Vec<Dia
     picture.problems.iter().map(finding).collect()
 }
 
-/// Returns true if the light of the lamps that write is outside a camera's picture.
+/// Returns true if the light of the writing lamps is outside a camera's picture.
 fn is_unseen(trace: &LightTrace, writing: &[String], camera: &Camera) -> bool {
     let lamps = trace.lamps.iter().filter(|lamp| writing.contains(&lamp.emitter.name));
     let samples = lamps.flat_map(|lamp| &lamp.samples);
@@ -109,12 +109,12 @@ fn is_unseen(trace: &LightTrace, writing: &[String], camera: &Camera) -> bool {
     lit.peek().is_some() && lit.all(|sample| camera.outside([sample.position_m]).is_some())
 }
 
-/// Returns a problem of the picture as a finding, with its severity for a flight.
+/// Returns a problem of the picture as a finding with the severity that applies to a flight.
 fn finding(problem: &Diagnostic) -> Diagnostic {
     let severity = match problem.code {
         UNLIT | NO_PICTURE => Severity::Stop,
         FACES_AWAY if problem.number("away_frac") > Some(MOST_AWAY_FRAC) => Severity::Stop,
-        // The checks of the flight show how well shorter gaps were bridged.
+        // Other checks show how well the flight bridged shorter gaps.
         UNSEEN => warn_if(problem.number("lasts_s") > Some(MAX_UNSEEN_S)),
         _ => Severity::Warning,
     };
@@ -124,20 +124,20 @@ fn finding(problem: &Diagnostic) -> Diagnostic {
         .helped(problem.help.clone())
 }
 
-/// A piece of the path of a lamp while it is lit.
+/// A segment of the path of a lit lamp.
 pub(super) struct Piece {
-    /// Time at which the piece begins.
+    /// Start time of the segment.
     pub(super) time_s: f64,
     pub(super) length_m: f64,
     /// Amount of light, in seconds at the lamp's maximum level.
     pub(super) light_s: f64,
 }
 
-/// Returns the lit path of the first lamp that follows the plan, in order of time.
+/// Returns the lit path of the first writing lamp, in order of time.
 pub(super) fn lit_pieces(flight: &Flight, trace: &LightTrace, scene: &Scene) -> Vec<Piece> {
     let writing = writing(std::slice::from_ref(flight), trace, &scene.light);
     let name = writing.first().map(|lamp| &lamp.emitter.name);
-    // A lamp that changes its color consists of several emitters.
+    // A lamp that changes color consists of several emitters.
     let emitters = writing.iter().filter(|lamp| Some(&lamp.emitter.name) == name);
     let mut pieces: Vec<Piece> = emitters.flat_map(|lamp| emitter_pieces(lamp)).collect();
     pieces.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
@@ -145,13 +145,13 @@ pub(super) fn lit_pieces(flight: &Flight, trace: &LightTrace, scene: &Scene) -> 
 }
 
 /// Returns the lit path of one emitter. The emitter's highest level counts as full light, because
-/// levels also balance the dies of a color LED.
+/// levels are also used to balance the dies of a color LED.
 fn emitter_pieces(lamp: &Lamp) -> Vec<Piece> {
     let full = lamp.samples.iter().map(|sample| sample.level).fold(0.0, f64::max);
     let (mut pieces, mut begun) = (Vec::new(), None);
     for (from, to) in lamp.samples.iter().zip(lamp.samples.iter().skip(1)) {
         let mean_level = 0.5 * (from.level + to.level) / full.max(f64::MIN_POSITIVE);
-        // A piece that darkness interrupts is dropped.
+        // A segment that is interrupted by darkness is dropped.
         if mean_level <= 0.0 {
             begun = None;
             continue;

@@ -1,10 +1,10 @@
-//! The shot plan: positions of tripod, take-off mark, base stations and audience in a room, and the
-//! cameras that can show the whole word from within it.
+//! The shot plan: positions of tripod, take-off marks, base stations and audience in a room, and
+//! the cameras that can show the whole word from inside it.
 //!
-//! In: a [`Shoot`], the light of its flights, and the [`Profile`] of a room. Out: a [`ShotPlan`],
-//! in world coordinates in meters, with the middle of the room at x = y = 0 and the word in the
-//! plane y = 0. Each camera is centered in front of the word, which fills half of the picture, or
-//! more in a small room. Doors are not considered.
+//! Products in: a [`Shoot`], the light of its flights, and the [`Profile`] of a room. Product out:
+//! a [`ShotPlan`] in world coordinates in meters, with the center of the room at x = y = 0 and the
+//! word in the plane y = 0. Each camera is centered in front of the word, which fills half of the
+//! picture, or more in a small room. Doors are not considered.
 
 use serde::Serialize;
 
@@ -22,36 +22,35 @@ use noctograph_letters::Strokes;
 use noctograph_picture::light::LightTrace;
 use noctograph_picture::photo::PhotoOptions;
 
-/// Minimum distance from a lens to the wall behind it, which is assumed to be half a tripod and a
-/// hand at the release. A smaller distance would allow larger words in a small room.
+/// Minimum distance from a lens to the wall behind it, assumed to be half a tripod plus a hand at
+/// the release. A smaller distance would allow larger words in a small room.
 const TRIPOD_FROM_WALL_M: f64 = 0.3;
 
-/// Minimum distance from a camera to the word, if the room is deep enough. A closer camera would be
-/// in the way of the flight.
+/// Minimum distance from a camera to the word in a deep room, so as not to obstruct the flight.
 const TRIPOD_FROM_WORD_M: f64 = 0.5;
 
-/// Maximum fraction of the picture's width or height that the word may fill. The rest of the
-/// picture is for the word's glow, and for a tripod that is not quite centered.
+/// Maximum fraction of the picture's width or height that the word may fill. The rest allows for
+/// the word's glow, and for a tripod that is slightly off-center.
 const MOST_FILLED: f64 = 0.9;
 
 const FULL_FRAME_WIDTH_M: f64 = 0.036;
 
-/// Name of the check of the camera's position in a room. A preview does not include this check.
+/// Name of the check for the camera's position in a room. A preview does not include this check.
 pub const CAMERA_PLACE: &str = "camera";
 
-/// Positions of things in a room, and the cameras that show the word from within it.
+/// Positions of objects in a room, and the cameras that show the word from inside it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ShotPlan {
     /// Width, depth and height of the room.
     pub room_m: [f64; 3],
     /// Left, bottom, right and top of the word in the plane y = 0.
     pub word_m: [f64; 4],
-    /// Take-off marks of the drones, in x and y.
+    /// Take-off marks of the drones (x and y).
     pub take_off_m: Vec<[f64; 2]>,
     /// Positions of base stations or anchors.
     pub stations_m: Vec<[f64; 3]>,
-    /// Minimum distance between people and the flight, in whole tenths of a meter. A drone without
-    /// commands flies on at its maximum speed until its motors stop, and falls.
+    /// Minimum distance between people and the flight, in whole tenths of a meter. Without
+    /// commands, a drone flies on at its maximum speed until its motors stop, and then falls.
     pub audience_from_m: f64,
     /// Maximum y of the audience, in front of the flight. `None` if the room is too shallow.
     pub audience_y_m: Option<f64>,
@@ -64,25 +63,25 @@ pub struct ShotPlan {
 pub struct CameraPlace {
     /// Name of the body and lens.
     pub name: String,
-    /// Focal length on full frame that has the same horizontal angle of view.
+    /// Full-frame focal length with the same horizontal angle of view.
     pub equivalent_m: f64,
     /// Minimum distance at which the whole word is in the picture.
     pub least_m: f64,
     /// Position of the lens. `None` if the room is not deep enough.
     pub tripod_m: Option<[f64; 3]>,
-    /// Maximum equivalent focal length that shows the word from within the room.
+    /// Maximum equivalent focal length that shows the whole word from inside the room.
     pub longest_equivalent_m: f64,
-    /// Maximum height of capitals that the camera could show from there. `None` for a drawing.
+    /// Maximum cap height that the camera could show from there. `None` for a drawing.
     pub largest_cap_height_m: Option<f64>,
     /// Duration of the exposure.
     pub shutter_s: f64,
-    /// Recommended aperture and sensitivity. `None` if the camera has no place, and in darkness.
+    /// Recommended aperture and sensitivity. `None` without a position or without light.
     #[serde(rename = "recommended")]
     pub metered: Option<Metered>,
 }
 
-/// Returns common cameras, each with its name and the widest usual lens. The cameras' other options
-/// are those of the scene's camera.
+/// Returns common cameras, each with its name and its widest usual lens. Their other options are
+/// copied from the scene's camera.
 fn usual_cameras(scene: &Scene) -> [(&'static str, CameraOptions); 7] {
     let [zoom_18, zoom_9] = [0.018, 0.009].map(|focal_length_m| {
         LensModel::Custom(CustomLens { focal_length_m, ..CustomLens::default() })
@@ -105,8 +104,8 @@ fn usual_cameras(scene: &Scene) -> [(&'static str, CameraOptions); 7] {
     })
 }
 
-/// Places all things in the room of a profile. Returns `None` without a room or without strokes.
-/// `trace` is the light of all drones, until `end_s`.
+/// Determines the positions of all objects in the room of a profile. Returns `None` without a room
+/// or strokes. `trace` is the light of all drones until `end_s`.
 pub(super) fn plan_shot(
     shoot: &Shoot,
     trace: &LightTrace,
@@ -149,7 +148,7 @@ fn place_camera(
     photo: &PhotoOptions,
 ) -> Result<CameraPlace> {
     let (word_m, most_m) = (strokes.bounds_m(), max_camera_distance_m(room_m));
-    // A camera with a given pose stays there, even if this is outside the room.
+    // A camera with a given pose is not moved, even if it is outside the room.
     let is_fixed = matches!(options.framing, Framing::Fixed(_));
     let (centered, least_m) = center_in_front(options.clone(), word_m, room_m)?;
     let options = if is_fixed { options } else { centered };
@@ -170,7 +169,7 @@ fn place_camera(
     })
 }
 
-/// Returns x and y of the drones' take-off marks.
+/// Returns x and y of each drone's take-off mark.
 fn take_off_m(shoot: &Shoot) -> impl Iterator<Item = [f64; 2]> {
     let starts = shoot.plans.iter().filter_map(|planned| planned.plan.setpoints.first());
     starts.map(|start| [start.position_m.x, start.position_m.y])
@@ -182,7 +181,7 @@ fn distance_outside_m([x, y, z]: [f64; 3], [width_m, depth_m, height_m]: [f64; 3
     sides.into_iter().fold(0.0, f64::max)
 }
 
-/// A thing that must be inside the room.
+/// An object that must be inside the room.
 struct RoomThing {
     name: String,
     position_m: [f64; 3],
@@ -190,10 +189,10 @@ struct RoomThing {
     severity: Severity,
 }
 
-/// Checks that stations, take-off marks and a fixed camera are inside the room. If they are not,
-/// the origin or the room is wrong, and therefore also the position of the flight.
+/// Checks that stations, take-off marks and a fixed camera are inside the room. Otherwise the
+/// origin or the room is wrong, and therefore also the position of the flight.
 pub(super) fn check_frame(shoot: &Shoot, room_m: [f64; 3]) -> Diagnostic {
-    // A thing counts as inside within the tolerance of measured positions.
+    // An object counts as inside if it is within the tolerance of measured positions.
     let mut things = things_in_room(shoot);
     let n = things.len();
     things.retain(|thing| distance_outside_m(thing.position_m, room_m) > FRAME_M);
@@ -231,15 +230,15 @@ fn things_in_room(shoot: &Shoot) -> Vec<RoomThing> {
     let mut things: Vec<RoomThing> =
         things.map(|(name, position_m)| RoomThing { name, position_m, severity }).collect();
     if let Framing::Fixed(pose) = &shoot.scene.camera.framing {
-        // A camera outside the room is only a warning, because it may look in through a door.
+        // A camera outside the room causes only a warning, because it may look in through a door.
         let (name, severity) = ("camera".to_owned(), Severity::Warning);
         things.push(RoomThing { name, position_m: pose.position_m, severity });
     }
     things
 }
 
-/// Checks that the room has a position centered in front of the word for the scene's camera, or
-/// else for a common camera. Returns `None` for a camera with a given pose, and without a word.
+/// Checks that the scene's camera, or failing that a common camera, can be centered in front of the
+/// word in the room. Returns `None` for a camera with a given pose, and without a word.
 pub(super) fn check_camera_place(shoot: &Shoot, room_m: [f64; 3]) -> Result<Option<Diagnostic>> {
     let scene = &shoot.scene;
     let (Some(strokes), Framing::Word(_)) = (&shoot.strokes, &scene.camera.framing) else {
@@ -275,7 +274,7 @@ fn max_camera_distance_m([_, depth_m, _]: [f64; 3]) -> f64 {
 
 /// Returns the options of a camera centered in front of the word, and the minimum distance at which
 /// it shows the whole word. The camera is moved closer if it would be behind the wall, and farther
-/// away if it would be in the way of the flight. If the room is not deep enough, it is not moved.
+/// away if it would obstruct the flight. If the room is not deep enough, it is not moved.
 fn center_in_front(
     options: CameraOptions,
     word_m: [f64; 4],
@@ -290,7 +289,7 @@ fn center_in_front(
     let (least_m, most_m) = (-nearest.position_m.y, max_camera_distance_m(room_m));
     let mut fill_frac = word.fill_frac;
     if least_m <= most_m {
-        // The fraction that the word fills is inversely proportional to the distance.
+        // The fraction filled by the word is inversely proportional to the distance.
         let [most_frac, least_frac] = [TRIPOD_FROM_WORD_M.min(most_m), most_m]
             .map(|distance_m| MOST_FILLED * least_m / distance_m);
         fill_frac = fill_frac.min(most_frac).max(least_frac);
@@ -299,7 +298,7 @@ fn center_in_front(
     Ok((CameraOptions { framing, ..options }, least_m))
 }
 
-/// Moves the scene's camera into a room, if the camera frames the word and the room is deep enough.
+/// Moves the scene's camera into a room if the camera frames the word and the room is deep enough.
 ///
 /// # Errors
 ///
@@ -320,25 +319,25 @@ pub fn fit_within(scene: &mut Scene, room_m: [f64; 3]) -> Result<()> {
     else {
         return Ok(());
     };
-    // Each side of the canvas is limited only by the same side of the picture, so that the other
-    // side is made too short to matter.
+    // Each side of the canvas is limited only by the same side of the picture. The other side is
+    // therefore made too short to matter.
     let width_frac = shown_frac(scene, [width_m, 0.01 * width_m], room_m)?;
     let height_frac = shown_frac(scene, [0.01 * height_m, height_m], room_m)?;
     scene.letters.canvas_m = Some([width_m * width_frac, height_m * height_frac]);
     Ok(())
 }
 
-/// Returns the fraction of a word's size, at most 1, that its camera shows from within a room.
+/// Returns the fraction of a word's size, at most 1, that its camera shows from inside a room.
 fn shown_frac(scene: &Scene, [width_m, height_m]: [f64; 2], room_m: [f64; 3]) -> Result<f64> {
     let low_m = scene.letters.baseline_m;
     let word_m = [-0.5 * width_m, low_m, 0.5 * width_m, low_m + height_m];
     let least_m = center_in_front(scene.camera.clone(), word_m, room_m)?.1;
-    // The factor prevents rounding from moving the camera into the wall.
+    // The factor prevents rounding errors from moving the camera into the wall.
     Ok((max_camera_distance_m(room_m) / least_m * (1.0 - 1e-6)).min(1.0))
 }
 
 impl ShotPlan {
-    /// Returns the plan as table rows, each with a thing and its position.
+    /// Returns the plan as table rows, each with an object and its position.
     pub fn rows(&self) -> Vec<[String; 2]> {
         let Self { room_m: [w, d, h], word_m: [left, bottom, right, top], .. } = self;
         let room = format!("{w} x {d} x {h} m, centered at x = y = 0, with y away from the camera");
@@ -354,7 +353,7 @@ impl ShotPlan {
         rows.chain(cameras).collect()
     }
 
-    /// Returns a description of the place of the audience.
+    /// Returns a description of the audience's position.
     fn audience(&self) -> String {
         let from_m = self.audience_from_m;
         let tripod_m = self.cameras.first().and_then(|camera| camera.tripod_m);
@@ -380,15 +379,15 @@ impl ShotPlan {
 }
 
 impl CameraPlace {
-    /// Returns the tripod's position and the camera's settings. If the room is not deep enough,
-    /// returns the focal length and the letter height that would fit.
+    /// Returns the tripod's position and the camera's settings, or the focal length and cap height
+    /// that would fit if the room is not deep enough.
     pub fn sentence(&self) -> String {
         let Some(position_m) = self.tripod_m else {
             let letters = self.largest_cap_height_m.map_or_else(String::new, |cap_m| {
                 format!(", or letters of {:.2} m", (100.0 * cap_m).floor() / 100.0)
             });
             let (least_m, equivalent_mm) = (self.least_m, 1e3 * self.equivalent_m);
-            // The focal length is rounded down, so that a lens of that length does fit.
+            // The focal length is rounded down, so that a lens of that length fits.
             let longest_mm = (1e3 * self.longest_equivalent_m).floor();
             return format!(
                 "nowhere: the room is not deep enough for {least_m:.1} m with {equivalent_mm:.0} mm \
@@ -409,7 +408,7 @@ fn positions<const N: usize>(positions_m: &[[f64; N]]) -> String {
     if positions_m.is_empty() { "none".to_owned() } else { texts.collect::<Vec<_>>().join(", ") }
 }
 
-/// Formats meters with two decimals, and never as `-0.00`.
+/// Formats meters with two decimals, and without a negative zero.
 fn meters(value_m: f64) -> String {
     format!("{:.2}", (100.0 * value_m).round() / 100.0 + 0.0)
 }
@@ -443,7 +442,7 @@ mod tests {
             let usual = usual_cameras(&shoot.scene).map(|(_, options)| options);
             let options = [shoot.scene.camera.clone()].into_iter().chain(usual);
             for (actual, options) in placement.cameras.iter().zip(options) {
-                // The formula is checked by projecting the corners of the word with that camera.
+                // The formula is verified by projecting the corners of the word with that camera.
                 let y_m = actual.tripod_m.map_or(0.3 - 0.5 * room_m[1], |place| place[1]);
 
                 let mut camera = options.camera(placement.word_m, 1.0).unwrap();
@@ -488,7 +487,7 @@ mod tests {
         let (mut shoot, lighting, hall) = placed("I", 0.5, [9.0, 12.0, 3.0]);
         assert!((1.0..4.0).contains(&hall.audience_from_m), "{}", hall.audience_from_m);
         assert!(hall.audience_y_m.unwrap() <= -hall.audience_from_m);
-        // The plan's velocity columns do not matter. Even at low speed people keep a meter away.
+        // The velocity columns of the plan are ignored. Even at low speed people keep a meter away.
         let plan = &mut shoot.plans[0].plan;
         plan.edit(|plan| plan.setpoints.iter_mut().for_each(|s| s.velocity_m_s *= 0.1));
         let paths = Paths::new(&shoot, &lighting.flights);

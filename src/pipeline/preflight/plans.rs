@@ -1,4 +1,4 @@
-//! Checks of plans that need no simulated flight.
+//! Checks of plans that do not require a simulated flight.
 
 use nalgebra::Vector3;
 
@@ -16,7 +16,7 @@ use noctograph_export::lights::{commands, switches};
 use noctograph_letters::Strokes;
 use noctograph_plan::{Approach, MIN_HORIZONTAL_M, MIN_VERTICAL_M, Plan, Setpoint, closest};
 
-/// Minimum distance from the design to the next setpoint that counts as a jump.
+/// Minimum distance between the designed and the actual next setpoint that counts as a jump.
 const JUMP_M: f64 = 0.03;
 
 /// Checks the motion and the commands of a plan. `is_even` is true for the style `even`.
@@ -47,14 +47,13 @@ fn distance_outside_m(position_m: Vector3<f64>, volume_m: [[f64; 3]; 2]) -> f64 
     if below.z > 0.0 { sides_m.max(below.z) } else { sides_m }
 }
 
-/// Maximum distance outside the volume that rounding may cause.
+/// Maximum distance outside the volume that can result from rounding.
 const ROUNDING_M: f64 = 1e-6;
 
 /// Checks that the plan stays inside the profile's volume.
 fn volume(plan: &Plan, profile: &Profile) -> Diagnostic {
     let setpoints = plan.setpoints.iter();
-    // The reported point is the one that is farthest outside, or else the one inside that is
-    // closest to a side.
+    // The reported point is the one farthest outside or, if all are inside, closest to a side.
     let (outside_m, time_s) =
         largest(setpoints.map(|s| (distance_outside_m(s.position_m, profile.volume_m), s.time_s)));
     let position_m = plan.setpoint_at(time_s).map(|setpoint| setpoint.position_m.into());
@@ -78,28 +77,28 @@ fn pairs(plan: &Plan) -> impl Iterator<Item = (&Setpoint, &Setpoint)> {
     plan.setpoints.iter().zip(plan.setpoints.iter().skip(1))
 }
 
-/// Returns the displacement from a setpoint's design to the next setpoint.
+/// Returns the displacement between the next setpoint that the design predicts and the actual one.
 fn jump(from: &Setpoint, to: &Setpoint) -> Vector3<f64> {
     to.position_m - from.design_m(to.time_s)
 }
 
-/// A segment of the path while the drone is in the air.
+/// A segment of the path in the air.
 struct Segment {
     time_s: f64,
     duration_s: f64,
     /// Displacement computed from the positions at both ends.
     moved_m: Vector3<f64>,
-    /// Displacement computed from the positions minus that computed from the velocities.
+    /// Displacement computed from the positions, minus that computed from the velocities.
     mismatch_m: Vector3<f64>,
     /// True if the next segment begins where this one ends.
     goes_on: bool,
 }
 
-/// Minimum time over which a speed is computed from positions, which are rounded in files.
+/// Minimum duration over which a speed is computed from positions, which files round.
 const SEGMENT_S: f64 = 0.1;
 
-/// Returns the path in the air as segments of at least [`SEGMENT_S`]. A single jump, for which
-/// there is a separate check, interrupts the path. Several jumps in a row count as motion.
+/// Returns the airborne path as segments of at least [`SEGMENT_S`]. A single jump, for which there
+/// is a separate check, interrupts the path. Several jumps in a row count as motion.
 fn segments(plan: &Plan) -> Vec<Segment> {
     let pairs: Vec<(&Setpoint, &Setpoint)> = pairs(plan).collect();
     let jumps: Vec<bool> = pairs.iter().map(|(a, b)| jump(a, b).norm() > JUMP_M).collect();
@@ -113,8 +112,8 @@ fn segments(plan: &Plan) -> Vec<Segment> {
             continue;
         }
         let (duration_s, moved_m) = (to.time_s - from.time_s, to.position_m - from.position_m);
-        // Plans either hold a velocity until the next setpoint, or interpolate it. The mismatch is
-        // that of the better fit.
+        // Plans either hold a velocity until the next setpoint, or interpolate it. The smaller of
+        // the two mismatches is used.
         let interpolated_m = moved_m - 0.5 * duration_s * (from.velocity_m_s + to.velocity_m_s);
         let held_m = jump(from, to);
         let mismatch_m =
@@ -134,11 +133,11 @@ fn segments(plan: &Plan) -> Vec<Segment> {
     segments
 }
 
-/// Maximum fraction of the path by which velocities may disagree with positions. The velocities of
+/// Maximum fraction of the path by which velocities may disagree with positions. The velocities in
 /// a plan with few setpoints do not follow its corners.
 const MAX_MISMATCH_FRAC: f64 = 0.25;
 
-/// Returns the maximum speed of the positions on a path, and its time.
+/// Returns the maximum speed of the positions on a path, and the time of the maximum.
 fn fastest(segments: &[Segment]) -> (f64, f64) {
     let complete = segments.iter().filter(|segment| segment.duration_s >= SEGMENT_S);
     largest(complete.map(|segment| (segment.moved_m.norm() / segment.duration_s, segment.time_s)))
@@ -149,26 +148,26 @@ pub(super) fn greatest_speed_m_s(plan: &Plan) -> f64 {
     fastest(&segments(plan)).0
 }
 
-/// Returns the fraction of the path by which velocities disagree with positions.
+/// Returns the mismatch between velocities and positions as a fraction of the path.
 fn mismatch_frac(segments: &[Segment]) -> f64 {
     let mismatch_m: f64 = segments.iter().map(|segment| segment.mismatch_m.norm()).sum();
     let lengths_m = segments.iter().map(|segment| {
         let by_velocity_m = segment.moved_m - segment.mismatch_m;
         segment.moved_m.norm().max(by_velocity_m.norm())
     });
-    // The lower limit makes the result 0 for a path without motion, instead of 0 / 0.
+    // The lower limit yields 0 for a path without motion, instead of 0 / 0.
     mismatch_m / lengths_m.sum::<f64>().max(1e-9)
 }
 
-/// Checks the plan's maximum speed, by its velocities and by its positions.
+/// Checks the plan's maximum speed, both by its velocities and by its positions.
 fn speed(plan: &Plan, profile: &Profile) -> Diagnostic {
     let by_velocity = largest(plan.setpoints.iter().map(|s| (s.velocity_m_s.norm(), s.time_s)));
     let segments = segments(plan);
     let (by_position, mismatch_frac) = (fastest(&segments), mismatch_frac(&segments));
     let (speed_m_s, time_s) = largest([by_velocity, by_position]);
     let (velocity_m_s, moved_m_s, most_m_s) = (by_velocity.0, by_position.0, profile.speed_m_s);
-    // If the velocities are those of another flight, they do not show this flight's speed. 10 % and
-    // 0.05 m/s allow for rounded positions.
+    // Velocities that belong to a different flight do not show this flight's speed. 10 % and 0.05
+    // m/s allow for rounded positions.
     let is_faster = moved_m_s > 1.1 * velocity_m_s + 0.05;
     if velocity_m_s > 0.0 && (mismatch_frac > MAX_MISMATCH_FRAC || is_faster) {
         let row = Diagnostic::check("speed", Severity::Stop, speed_m_s).within(most_m_s);
@@ -182,7 +181,7 @@ fn speed(plan: &Plan, profile: &Profile) -> Diagnostic {
             "plan the flight again, because times, positions and velocities are of different flights",
         );
     }
-    // Positions in a file are rounded, so that their tolerance is larger.
+    // Positions in a file are rounded, so their tolerance is larger.
     let is_fast = velocity_m_s > 1.001 * most_m_s || moved_m_s > 1.02 * most_m_s;
     Diagnostic::check("speed", stop_if(is_fast), speed_m_s).within(most_m_s).timed(time_s).say(
         format!("{speed_m_s:.2} m/s{}", at_time(time_s)),
@@ -196,7 +195,7 @@ fn landing(plan: &Plan) -> Diagnostic {
     let end_m = plan.setpoints.last().map_or(0.0, |setpoint| setpoint.position_m.z);
     let flies = plan.setpoints.iter().any(|setpoint| !setpoint.on_floor());
     let lands = plan.setpoints.last().is_some_and(Setpoint::on_floor);
-    // This check also stops another program's plan in which z does not point up.
+    // This check also stops a plan from another program in which z does not point up.
     let actual = match (flies, lands) {
         (false, _) => "never leaves the floor".to_owned(),
         (true, false) => format!("ends in the air, at {end_m:.2} m"),
@@ -211,16 +210,16 @@ fn landing(plan: &Plan) -> Diagnostic {
 
 /// Checks the plan's maximum acceleration.
 fn acceleration(plan: &Plan, profile: &Profile) -> Diagnostic {
-    // If the plan contains no accelerations, they are computed from the changes of velocity between
-    // setpoints. The controller smooths such steps, so that they only cause a warning. A planned
-    // acceleration is flown.
+    // Accelerations missing from the plan are computed from the changes of velocity between
+    // setpoints. The controller smooths such steps, so they only cause a warning. A planned
+    // acceleration is actually flown.
     let is_planned = plan.setpoints.iter().any(|s| s.acceleration_m_s2.norm() > 0.0);
     let by_setpoints = pairs(plan).map(|(from, to)| {
         let duration_s = (to.time_s - from.time_s).max(1e-3);
         let change_m_s2 = (to.velocity_m_s - from.velocity_m_s).norm() / duration_s;
         (if is_planned { from.acceleration_m_s2.norm() } else { change_m_s2 }, to.time_s)
     });
-    // Positions accelerate when the velocity changes from one segment to the next.
+    // Positions accelerate when the velocity changes between segments.
     let segments = segments(plan);
     let joined = segments.windows(2).filter(|pair| is_planned && pair[0].goes_on);
     let by_positions = joined.map(|pair| {
@@ -249,7 +248,7 @@ fn acceleration(plan: &Plan, profile: &Profile) -> Diagnostic {
 
 /// Checks the plan for jumps of the position between setpoints.
 fn jumps(plan: &Plan) -> Diagnostic {
-    // Jumps on the floor are ignored, because a drone may be carried to another mark.
+    // Jumps on the floor are ignored, because a drone may be carried to a different mark.
     let in_air = pairs(plan).filter(|(a, b)| !a.on_floor() && !b.on_floor());
     let steps = in_air.map(|(a, b)| (jump(a, b).norm(), b.time_s));
     let jumps: Vec<(f64, f64)> = steps.filter(|(jump_m, _)| *jump_m > JUMP_M).collect();
@@ -266,14 +265,14 @@ fn jumps(plan: &Plan) -> Diagnostic {
     )
 }
 
-/// Returns the time in the air.
+/// Returns the time in the air, s.
 fn air_s(plan: &Plan) -> f64 {
     let in_air = pairs(plan).filter(|(from, _)| !from.on_floor());
-    // An empty sum is -0.0, which adding 0.0 turns into 0.0.
+    // The sum of nothing is -0.0, which adding 0.0 turns into 0.0.
     in_air.map(|(from, to)| to.time_s - from.time_s).sum::<f64>() + 0.0
 }
 
-/// Warns of a plan that is longer in the air than the battery can hover.
+/// Warns of a plan whose time in the air exceeds the battery's hover time.
 pub fn longer_than_battery(shoot: &Shoot) -> Option<Diagnostic> {
     let hovers_s = hovers_s(&shoot.scene)?;
     let longest_s = shoot.plans.iter().map(|it| air_s(&it.plan)).fold(0.0, f64::max);
@@ -284,7 +283,7 @@ pub fn longer_than_battery(shoot: &Shoot) -> Option<Diagnostic> {
     (longest_s > hovers_s).then(|| Diagnostic::warning("battery-short", message))
 }
 
-/// Returns the time in s for which the battery can hover. Returns `None` without a battery.
+/// Returns the battery's hover time in s, or `None` without a battery.
 pub(super) fn hovers_s(scene: &Scene) -> Option<f64> {
     scene.battery.lasts_s(scene.vehicle.mass_kg * GRAVITY_M_S2)
 }
@@ -303,7 +302,7 @@ fn duration(plan: &Plan, is_even: bool, profile: &Profile) -> Diagnostic {
     )
 }
 
-/// Checks that the firmware has a parameter for each lamp, so that an export can light it.
+/// Checks that the firmware has a parameter for each lamp, which an export needs to switch it on.
 fn lamps(plan: &Plan, light: &LightOptions) -> Diagnostic {
     let wanted = "lamps with a firmware parameter";
     match commands(plan, light) {
@@ -323,8 +322,8 @@ fn lamps(plan: &Plan, light: &LightOptions) -> Diagnostic {
     }
 }
 
-/// Checks that the plan does not dim a lamp that is switched by a pin, such as the headlights of
-/// the ring (`ring.headlightEnable` in `ledring12.c`).
+/// Checks that the plan does not dim a lamp that a pin switches, such as the headlights of the LED
+/// ring (`ring.headlightEnable` in `ledring12.c`).
 fn headlights(plan: &Plan, light: &LightOptions) -> Diagnostic {
     let switches = switches(plan, light);
     let rows = switches.iter().flat_map(|lamp| plan.setpoints.iter().zip(&plan.lights[*lamp]));
@@ -351,7 +350,7 @@ pub(super) fn check_separation(plans: &[Plan]) -> Option<Diagnostic> {
     if plans.len() < 2 {
         return None;
     }
-    // `closest` ignores drones above each other, because the downwash has a separate check.
+    // `closest` ignores drones above each other, because there is a separate check for downwash.
     let pairs =
         plans.iter().enumerate().flat_map(|(i, a)| plans[i + 1..].iter().map(move |b| (a, b)));
     let closest = pairs.filter_map(|(a, b)| closest(a, b)).min_by(Approach::compare);
@@ -367,21 +366,21 @@ pub(super) fn check_separation(plans: &[Plan]) -> Option<Diagnostic> {
     ))
 }
 
-/// Maximum distance from a letter's strokes to the light of a plan, in cap heights.
+/// Maximum distance between a letter's strokes and the light of a plan, in cap heights.
 const TOLERANCE_H: f64 = 0.1;
 
-/// Refuses a plan whose light is away from the strokes.
+/// Returns an error if a plan is lit away from the strokes.
 ///
 /// # Errors
 ///
-/// Returns [`Error::Input`](noctograph_core::error::Error::Input) with the time of the first
+/// Returns [`Error::Input`](noctograph_core::error::Error::Input) that states the time of the first
 /// setpoint that is too far away.
 pub fn check_written(plan: &Plan, strokes: &Strokes) -> Result<()> {
     let tolerance_m = TOLERANCE_H * strokes.glyphs[0].cell.cap_height_m;
     for (row, setpoint) in plan.setpoints.iter().enumerate() {
         let is_lit = plan.lights.values().any(|levels| levels[row] > 0.0);
         let Some(letter) = setpoint.letter.filter(|_| is_lit) else { continue };
-        // The distance to the nearest lit stroke of the letter is in the plane of the word.
+        // The distance to the letter's nearest lit stroke is measured in the plane of the word.
         let [x, z] = [setpoint.position_m.x, setpoint.position_m.z];
         let moves = strokes.glyphs.get(letter).into_iter().flat_map(|glyph| &glyph.moves);
         let lit = moves.filter(|step| step.lit);
@@ -445,7 +444,7 @@ mod tests {
         assert!((x.abs() - 2.5 - outside_m).abs() < 1e-9, "{outside_m} m at {x} m");
     }
 
-    /// Returns a kind of handwriting: a spiral, a zigzag, a scribble, a coastline, a rosette, or a
+    /// Returns a drawing of one kind: a spiral, a zigzag, a scribble, a coastline, a rosette, or a
     /// sketch with many short strokes.
     fn drawing(kind: usize, size_m: f64) -> Strokes {
         let mut state = kind as f64;
@@ -519,8 +518,8 @@ mod tests {
         assert_eq!(hall_m, inside_m, "the profile's limits hold in a hall, too");
     }
 
-    /// Returns every nth setpoint of a plan whose times are multiplied by a factor. The other
-    /// columns of the plan stay the same.
+    /// Returns every nth setpoint of a plan, with times multiplied by a factor and nothing else
+    /// changed.
     fn slowed(plan: &Plan, factor: f64, nth: usize) -> Plan {
         let every = |plan: &Plan| plan.setpoints.iter().copied().step_by(nth).collect();
         let mut slowed = Plan::made(PlanData { setpoints: every(plan), ..PlanData::default() });

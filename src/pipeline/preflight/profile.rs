@@ -1,4 +1,4 @@
-//! Profiles: limits for a kind of drone, indoors or outdoors.
+//! Profiles: flight limits for a kind of drone, indoors or outdoors.
 
 use serde::Serialize;
 
@@ -6,14 +6,14 @@ use crate::scene::Scene;
 use noctograph_plan::{EvenStyle, Style};
 use noctograph_sim::sensors::{Generation, Station};
 
-/// Limits of a flight.
+/// Flight limits.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Profile {
     /// Name of the profile.
     pub name: &'static str,
-    /// Minimum and maximum x, y, z.
+    /// Minimum and maximum of x, y and z.
     pub volume_m: [[f64; 3]; 2],
-    /// Width, depth and height of the room, if it is known. The volume is inside the room.
+    /// Width, depth and height of the room, if known. The volume is inside the room.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub room_m: Option<[f64; 3]>,
     /// Maximum distance from the word's plane.
@@ -28,23 +28,23 @@ pub struct Profile {
     pub flight_time_s: f64,
     /// Maximum mass of the drone.
     pub mass_kg: f64,
-    /// Maximum wind including gusts.
+    /// Maximum wind speed including gusts.
     pub wind_m_s: f64,
-    /// True if the flight may be in sunlight.
+    /// True if sunlight is possible.
     pub is_outdoors: bool,
 }
 
-/// Distance from the design to the walls and the ceiling of a room: the reference team's corridor,
-/// which a flight does not leave.
+/// Distance of the design from the walls and the ceiling of a room, equal to the reference team's
+/// corridor, which flights stay within.
 pub(super) const ROOM_MARGIN_M: f64 = 0.2;
 
-/// Maximum distance from the middle of a wide room to a base station, to the side and in depth. A
-/// station has a range of 6 m, so that it sees the far end of a word 4 m wide.
+/// Maximum horizontal distance, along each axis, from the middle of a wide room to a base station.
+/// A station has a range of 6 m, so it sees the far end of a word 4 m wide.
 const STATION_M: f64 = 2.5;
 
 impl Profile {
-    /// Returns the profile for a room of width, depth and height `room_m`. The profile's volume
-    /// keeps a margin from the walls and the ceiling. The origin is in the middle of the floor.
+    /// Returns the profile for a room with width, depth and height `room_m`. Its volume keeps a
+    /// margin from the walls and the ceiling. The origin is in the middle of the floor.
     #[must_use]
     pub fn in_room(mut self, room_m: [f64; 3]) -> Self {
         let [width_m, depth_m, height_m] = room_m;
@@ -52,7 +52,7 @@ impl Profile {
         let [low, high] = &mut self.volume_m;
         for axis in 0..3 {
             high[axis] = high[axis].min(sides_m[axis]);
-            // The volume reaches down to the floor.
+            // The volume extends down to the floor.
             if axis < 2 {
                 low[axis] = low[axis].max(-sides_m[axis]);
             }
@@ -61,8 +61,8 @@ impl Profile {
         self
     }
 
-    /// Lowers the default speed and acceleration of a scene to the profile's limits. Values that a
-    /// user chose are kept, and the check stops them.
+    /// Lowers the default speed and acceleration of a scene to the profile's limits. Values chosen
+    /// by the user are kept and left to the check.
     pub fn slow(&self, scene: &mut Scene) {
         let Style::Even(style) = &mut scene.plan.style else { return };
         let usual = EvenStyle::default();
@@ -74,9 +74,9 @@ impl Profile {
         }
     }
 
-    /// Returns two base stations in opposite corners of the room, 0.1 m below its ceiling, directed
+    /// Returns two base stations in opposite corners of the room, 0.1 m below its ceiling and aimed
     /// at the middle of the volume. According to Bitcraze (tutorial "Getting started with the
-    /// Lighthouse system"), two cover about 4 m by 4 m, and hang at least 0.4 m above the flight.
+    /// Lighthouse system"), two cover about 4 m by 4 m, mounted at least 0.4 m above the flight.
     pub fn stations(&self) -> [Station; 2] {
         let [low, high] = self.volume_m;
         let middle_m = std::array::from_fn(|axis| 0.5 * (low[axis] + high[axis]));
@@ -107,9 +107,9 @@ impl Profile {
     }
 
     /// Returns the profile for a Crazyflie indoors. 1 m/s on each axis and 20° are the limits of
-    /// the firmware's controller (`platform_defaults_cf2.h`), and 2 m/s² comes from issue 882 of
-    /// the firmware. A 7-minute battery lasts 4 minutes with decks (crazyswarm issue 148: 3 to 5).
-    /// ±0.2 m is the reference team's corridor. A Lighthouse system covers 5 m by 5 m.
+    /// the firmware's controller (`platform_defaults_cf2.h`), and 2 m/s² comes from firmware issue
+    /// 882. A battery rated for 7 minutes lasts 4 minutes with decks (crazyswarm issue 148: 3 to
+    /// 5). ±0.2 m is the reference team's corridor. A Lighthouse system covers 5 m by 5 m.
     pub fn indoor() -> Self {
         Self {
             name: "indoor",
@@ -120,7 +120,8 @@ impl Profile {
             acceleration_m_s2: 2.0,
             tilt_rad: 20.0_f64.to_radians(),
             flight_time_s: 240.0,
-            // Assumptions: the weight of three heavy Crazyflies, and a draft with a fan's gusts.
+            // Assumptions: the weight of three heavy Crazyflies, and a draft with the gusts of a
+            // fan.
             mass_kg: 0.15,
             wind_m_s: 1.5,
             is_outdoors: false,
@@ -132,9 +133,9 @@ impl Profile {
         Self { name: "careful", speed_m_s: 0.5, ..Self::indoor() }
     }
 
-    /// Returns the profile for a larger drone outdoors. Speed (2 m/s upward, here on all axes) and
-    /// height (150 m) are Skybrush's defaults. Acceleration and tilt are assumed to be half of what
-    /// a multirotor can do.
+    /// Returns the profile for a larger drone outdoors. The speed (2 m/s upward, here on all axes)
+    /// and the height (150 m) are Skybrush's defaults. Acceleration and tilt are assumed to be half
+    /// of a multirotor's maximum.
     pub fn outdoor() -> Self {
         Self {
             name: "outdoor",

@@ -1,51 +1,50 @@
-//! Reads the size of a room from text, and finds its largest word and stations.
+//! Parses the size of a room, and determines the largest word and the stations that fit in it.
 
 use super::Profile;
 use crate::scene::Scene;
 
-/// Minimum distance from the word to the sides of the volume in which a drone may fly.
+/// Minimum distance from the word to the sides of the flight volume.
 const FROM_SIDES_M: f64 = 0.3;
-/// Minimum distance from the word to the top of that volume. A base station 0.1 m above the volume
-/// then sees the top of the word from 6 m away, its maximum range.
+/// Minimum distance from the word to the top of the flight volume. A base station 0.1 m above the
+/// volume then sees the top of the word at 6 m, its maximum range.
 const FROM_TOP_M: f64 = 0.5;
 
-/// Width that two base stations cover (Bitcraze, "Getting started with the Lighthouse system":
-/// about 4 m by 4 m).
+/// Width covered by two base stations (Bitcraze, "Getting started with the Lighthouse system").
 const SERVED_M: f64 = 4.0;
 
-/// Width, depth and height of the smallest room, which holds a flight with its margins, and of the
-/// largest room, which exceeds a sports hall (three playing fields are 27 m by 45 m, DIN 18032).
+/// Width, depth and height of the smallest room, just enough for a flight and its margins, and of
+/// the largest room, which exceeds a sports hall (three fields are 27 m by 45 m, DIN 18032).
 const LEAST_ROOM_M: [f64; 3] = [1.5, 1.5, 1.0];
 const GREATEST_ROOM_M: [f64; 3] = [60.0, 60.0, 20.0];
 
-/// Units in which a user may give the size of a room by mistake, and their number per meter.
+/// Units in which a user may mistakenly specify a room, and their number per meter.
 const OTHER_UNITS: [(&str, f64); 4] =
     [("centimeters", 100.0), ("millimeters", 1000.0), ("inches", 39.37), ("feet", 1.0 / FOOT_M)];
 
-/// Units that may follow the numbers, with their length in meters.
+/// Units that may follow the numbers, and their length in meters.
 const UNITS: [(&str, f64); 4] = [("cm", 0.01), ("mm", 0.001), ("ft", FOOT_M), ("m", 1.0)];
 
 const FOOT_M: f64 = 0.3048;
 
-/// Ceiling height from which numbers without a unit are refused, because rooms are 8 feet high, and
+/// Ceiling height from which numbers without a unit are refused. Rooms are often 8 feet high, but
 /// few halls are 8 m high. A sports hall 7 m high is accepted with a warning (check `room`).
 const FEET_FROM: f64 = 7.5;
 
-/// Returns the size of a room as text, rounded to centimeters: `4x3x2.5`.
+/// Returns a room's size as text rounded to centimeters: `4x3x2.5`.
 fn in_words(room_m: [f64; 3]) -> String {
     room_m.map(|m| ((100.0 * m).round() / 100.0).to_string()).join("x")
 }
 
-/// Returns the size of a room that is given in feet as text in meters.
+/// Returns a room's size, given in feet, as text in meters.
 pub(super) fn from_feet(room_ft: [f64; 3]) -> String {
     in_words(room_ft.map(|feet| FOOT_M * feet))
 }
 
-/// Reads the size of a room in meters, such as `4x3x2.5`, or with a unit, such as `13x20x8ft`.
+/// Parses the size of a room in meters, such as `4x3x2.5`, or with a unit, such as `13x20x8ft`.
 ///
 /// # Errors
 ///
-/// Returns a message with the accepted sizes, and with the unit that was probably meant.
+/// Returns a message that states the accepted sizes and the unit that was probably meant.
 pub fn parse_room(text: &str) -> Result<[f64; 3], String> {
     let wanted = format!(
         "wanted WIDTHxDEPTHxHEIGHT in meters, from {} to {}, such as 4x3x2.5, or with its unit, such \
@@ -70,7 +69,7 @@ pub fn parse_room(text: &str) -> Result<[f64; 3], String> {
     if fits(sides) && sides[2] < FEET_FROM {
         return Ok(sides);
     }
-    // The message suggests the first unit in which the size would be that of a room.
+    // The message suggests the first unit in which the size is plausible for a room.
     let mut rooms =
         OTHER_UNITS.into_iter().map(|(unit, per_m)| (unit, sides.map(|side| side / per_m)));
     Err(match rooms.find(|(_, room_m)| fits(*room_m)) {
@@ -81,7 +80,7 @@ pub fn parse_room(text: &str) -> Result<[f64; 3], String> {
     })
 }
 
-/// A canvas that shrinks no word, because it is larger than any room.
+/// A canvas larger than any room, which therefore shrinks no word.
 const UNLIMITED_CANVAS_M: [f64; 2] = [1000.0; 2];
 
 /// Returns true if the size of a room is within the limits.
@@ -89,7 +88,7 @@ fn fits(room_m: [f64; 3]) -> bool {
     (0..3).all(|side| (LEAST_ROOM_M[side]..=GREATEST_ROOM_M[side]).contains(&room_m[side]))
 }
 
-/// Returns keys and values with which a scene's letters fill a room. Letters whose height is given
+/// Returns the keys and values that make a scene's letters fill a room. Letters with a given height
 /// are not shrunk. If they are too large for the room, the check stops the flight.
 #[expect(clippy::fn_params_excessive_bools, reason = "independent of each other")]
 pub fn letters_within(
@@ -99,7 +98,7 @@ pub fn letters_within(
 ) -> Vec<(String, String)> {
     let [low, high] = Profile::indoor().in_room(room_m).volume_m;
     let wide_m = (high[0] - low[0] - 2.0 * FROM_SIDES_M).min(SERVED_M);
-    // The baseline is 0.5 m above the floor, or lower in a low room.
+    // The baseline is 0.5 m above the floor, or less in a low room.
     let baseline_m = (0.25 * room_m[2]).min(0.5);
     let high_m = high[2] - FROM_TOP_M - baseline_m;
     let canvas_m = if is_height_typed { UNLIMITED_CANVAS_M } else { [wide_m, high_m] };
@@ -115,7 +114,7 @@ pub fn letters_within(
     keys.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
 }
 
-/// Moves the stations to the corners of a room, unless the scene gives their positions.
+/// Moves the stations to the corners of a room unless the scene specifies their positions.
 pub fn hang_stations(scene: &mut Scene, room_m: [f64; 3]) {
     let usual = Scene::preset(scene.preset).sensors.lighthouse.stations;
     let stations = &mut scene.sensors.lighthouse.stations;

@@ -17,7 +17,7 @@ use noctograph_sim::vehicle::Gusts;
 /// Grid spacing at which the view of the base stations is checked.
 const COVERAGE_STEP_M: f64 = 0.1;
 
-/// Checks that two base stations see the complete bounding box of the flight.
+/// Checks that two base stations see the flight's whole bounding box.
 pub(super) fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Diagnostic> {
     const WANTED: &str = "base stations, and a flight for them to see";
     if !is_by_lighthouse(scene) {
@@ -35,7 +35,7 @@ pub(super) fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Diagnostic> {
         let why = "the plan never leaves the floor";
         return Ok(Diagnostic::unchecked("coverage", why, WANTED, "plan a flight"));
     }
-    // The box of a straight path, such as an I, is widened by one step of the grid.
+    // The box around a straight path, such as an I, is widened by one grid step.
     let [wide_m, high_m] = [right - left, top - bottom]
         .map(|side_m| if side_m < COVERAGE_STEP_M { 0.5 * COVERAGE_STEP_M } else { 0.0 });
     let bounds_m = [left - wide_m, bottom - high_m, right + wide_m, top + high_m];
@@ -51,7 +51,7 @@ pub(super) fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Diagnostic> {
     Ok(Diagnostic::check("coverage", stop_if(seen_frac < 1.0), seen_frac).within(1.0).say(
         format!("{seen_percent:.1} % of the flight's box is seen by two base stations{without}"),
         "two Lighthouse stations see every place",
-        // Advice to remove a cause comes before advice to write a smaller word.
+        // Advice to remove a cause takes precedence over advice to write a smaller word.
         match (silent.is_empty(), scene.sensors.lighthouse.people_m.is_empty()) {
             (false, _) => "let every station send ({sensors.lighthouse.silent})",
             (true, false) => "move people out of the light ({sensors.lighthouse.people_m})",
@@ -63,13 +63,13 @@ pub(super) fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Diagnostic> {
     ))
 }
 
-/// Returns the fraction of a box that two base stations see, without the silent stations.
+/// Returns the fraction of a box that two base stations see, excluding the silent stations.
 fn seen_frac(scene: &Scene, silent: &[usize], bounds_m: [f64; 4]) -> Result<f64> {
     let mut sensors = scene.sensors.clone();
     let stations = scene.sensors.lighthouse.stations.iter().enumerate();
     let heard = stations.filter(|(station, _)| !silent.contains(station));
     sensors.lighthouse.stations = heard.map(|(_, station)| station.clone()).collect();
-    // The other stations count as always sending, because short outages are bridged.
+    // The other stations count as always transmitting, because short outages are bridged.
     sensors.lighthouse.silent.clear();
     if sensors.lighthouse.stations.is_empty() {
         Ok(0.0)
@@ -78,8 +78,7 @@ fn seen_frac(scene: &Scene, silent: &[usize], bounds_m: [f64; 4]) -> Result<f64>
     }
 }
 
-/// Maximum total outage of a station during a flight that the other station and the gyroscope
-/// bridge (an assumption).
+/// Maximum total outage of a station that the other one and the gyroscope bridge (an assumption).
 const MAX_SILENT_S: f64 = 1.0;
 
 /// Returns the indices of the stations that are silent for too long while a plan is in the air. The
@@ -111,7 +110,7 @@ pub(super) fn check_surroundings(scene: &Scene, profile: &Profile) -> Vec<Diagno
     rows.into_iter().filter(|row| row.severity != Severity::Fine).collect()
 }
 
-/// Checks that the drone does not fly by its true state.
+/// Checks that the drone does not use its true state for control.
 fn estimator(scene: &Scene) -> Diagnostic {
     let cheats = scene.observer.kind == EstimatorKind::Truth;
     Diagnostic::check("estimator", stop_if(cheats), None).say(
@@ -131,7 +130,7 @@ fn weight(scene: &Scene, profile: &Profile) -> Diagnostic {
     )
 }
 
-/// Checks steady wind plus two standard deviations of gusts. Light drones have a lower limit.
+/// Checks the steady wind plus two standard deviations of gusts. Light drones have a lower limit.
 fn wind(scene: &Scene, profile: &Profile) -> Diagnostic {
     let steady_m_s = Vector3::from(scene.air.wind_m_s).norm();
     let gusts_m_s = match &scene.air.gusts {
@@ -147,15 +146,15 @@ fn wind(scene: &Scene, profile: &Profile) -> Diagnostic {
     )
 }
 
-/// Mass below which a drone counts as light, and the maximum wind for such a drone (assumptions).
+/// Mass below which a drone counts as light, and the maximum wind for it (assumptions).
 const LIGHT_KG: f64 = 0.1;
 const LIGHT_WIND_M_S: f64 = 4.0;
 
 /// Minimum distance between two base stations (an assumption). At 10 cm their beams are so nearly
-/// parallel that the depth error is 0.18 m, out of the corridor's 0.2 m.
+/// parallel that the depth error is 0.18 m, almost the whole corridor of 0.2 m.
 const BASELINE_M: f64 = 1.0;
 
-/// Checks the distance between the two base stations that are farthest apart.
+/// Checks the largest distance between any two base stations.
 fn baseline(scene: &Scene) -> Diagnostic {
     let stations = &scene.sensors.lighthouse.stations;
     let positions_m = stations.iter().map(|station| Vector3::from(station.position_m));
@@ -170,7 +169,7 @@ fn baseline(scene: &Scene) -> Diagnostic {
     )
 }
 
-/// Checks that a drone does not fly by Lighthouse in sunlight.
+/// Checks that a drone does not rely on Lighthouse in sunlight.
 fn sunlight(scene: &Scene, profile: &Profile) -> Diagnostic {
     let is_blind = is_by_lighthouse(scene) && profile.is_outdoors;
     Diagnostic::check("sunlight", warn_if(is_blind), None).say(
@@ -188,11 +187,11 @@ fn is_by_lighthouse(scene: &Scene) -> bool {
     }
 }
 
-/// Ceiling height from which the numbers of a room may be in feet: few rooms are lower than 7 feet,
+/// Ceiling height above which the size of a room may be in feet: few rooms are lower than 7 feet,
 /// and few halls are higher than 7 m.
 const FEET_FROM: f64 = 6.5;
 
-/// Checks the ceiling height, which shows if the room was measured in feet.
+/// Checks the ceiling height, which reveals a room measured in feet.
 fn ceiling(profile: &Profile) -> Diagnostic {
     let room_m = profile.room_m.unwrap_or_default();
     let height_m = room_m[2];

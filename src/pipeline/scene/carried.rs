@@ -1,8 +1,8 @@
-//! The scene that came with a file: in the header of an exported script's log, or in a scene file
-//! next to a plan or a flight. The scene defines the room, the camera and the drone of the flight.
+//! The scene that came with a file: in the header of a script's log, or in a scene file next to a
+//! plan or a flight. The scene defines the room, the camera and the drone of the flight.
 //!
-//! A scene file contains the digests of the files that it was written with. Only this module
-//! compares them, because with the scene of another plan, a plan would be checked in another room.
+//! A scene file contains the digests of the files with which it was written. Only this module
+//! compares them, so that no plan is checked against the scene of another plan.
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -14,10 +14,10 @@ use noctograph_core::error::{Error, Place, Result};
 use noctograph_core::files::{Limit, Output, WholeFile, as_spelled};
 use noctograph_logs::scene_in;
 
-/// Extension of a scene file next to a plan or a flight, and name of the scene file in a folder.
+/// Extension of a scene file next to a plan or a flight, and name of a folder's scene file.
 const SCENE: &str = "scene.toml";
 
-/// Limit for plans and flights next to a scene, equal to that of their reader.
+/// Size limit for plans and flights next to a scene, equal to that of their reader.
 const FILE: Limit = Limit {
     bytes: 128 << 20,
     what: "a plan or a flight",
@@ -25,19 +25,19 @@ const FILE: Limit = Limit {
          rows",
 };
 
-/// The text of a scene that came with a file.
+/// Text of a scene that came with a file.
 #[derive(Clone, Debug)]
 pub struct CarriedScene {
     /// Text of the scene as TOML.
     pub toml: String,
-    /// Name of the scene's file in messages.
+    /// Name of the scene's file, to show in messages.
     pub file: String,
     /// Folder to which file names in the scene are relative.
     pub folder: PathBuf,
-    /// True if the scene is in a log, which is not trusted.
+    /// True if the scene comes from a log, which is not trusted.
     is_in_log: bool,
-    /// True if the scene certainly belongs to its file: it is in a log, or contains the digest of
-    /// the file. Scenes written by earlier versions or by hand contain no digests.
+    /// True if the scene certainly belongs to its file, because it is in a log or contains the
+    /// file's digest. Scenes written by earlier versions or by hand contain no digests.
     pub is_bound: bool,
 }
 
@@ -46,17 +46,17 @@ impl CarriedScene {
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Io`] for a file that cannot be read, and [`Error::Input`] for a scene that
-    /// was written with other files.
+    /// Returns [`Error::Io`] for an unreadable file, and [`Error::Input`] for a scene that was
+    /// written with other files.
     pub fn read(path: &Path) -> Result<Option<Self>> {
-        // A named pipe can only be read once, and its plan or flight has not been read yet.
+        // A named pipe can be read only once, and its plan or flight must still be read.
         if !path.is_file() {
             return Ok(None);
         }
         if let Some(carried) = Self::in_log(path) {
             return Ok(Some(carried));
         }
-        // The scene of a folder belongs to the plans and flights in it that have numbered names.
+        // The scene of a folder belongs to those plans and flights in it that have numbered names.
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
         let number = stem.strip_prefix("plan").or_else(|| stem.strip_prefix("flight"));
         let is_numbered =
@@ -76,12 +76,12 @@ impl CarriedScene {
         Ok(Some(carried))
     }
 
-    /// Returns true if the scene next to a plan or flight was written with this file.
+    /// Returns true if the scene next to a plan or flight was written with it.
     pub fn binds(path: &Path) -> bool {
         Self::read(path).is_ok_and(|carried| carried.is_some_and(|carried| carried.is_bound))
     }
 
-    /// Checks that a file is one of those that the scene was written with.
+    /// Checks that a file is one of those with which the scene was written.
     fn check_digest(&self, path: &Path, digests: &BTreeMap<String, String>) -> Result<()> {
         let mut digest = Digest::default();
         std::io::copy(&mut FILE.open(path)?, &mut digest)
@@ -90,7 +90,7 @@ impl CarriedScene {
         if digests.values().any(|digest| *digest == actual) {
             return Ok(());
         }
-        // The message contains the digest of the file with this name, or the names of all files.
+        // The message states the digest of the file with this name, or the names of all files.
         let (scene, names) = (&self.file, digests.keys().cloned().collect::<Vec<_>>().join(", "));
         let wanted = match digests.get(name(path)).or(digests.values().next()) {
             Some(digest) if digests.len() == 1 || digests.contains_key(name(path)) => {
@@ -105,12 +105,12 @@ impl CarriedScene {
         Err(Error::input(path.display(), format!("a file with digest {actual}"), wanted, hint))
     }
 
-    /// Checks, after files were read, that this is still their scene. Another program may have
-    /// rewritten the scene and the files in the meantime.
+    /// Checks, after files have been read, that they still belong to this scene. Another program
+    /// may have rewritten the scene and the files in the meantime.
     ///
     /// # Errors
     ///
-    /// Returns the errors of [`Self::of_all`], and [`Error::Input`] for another scene.
+    /// Returns the errors of [`Self::of_all`], and [`Error::Input`] if the scene is different.
     pub fn check_still(&self, files: &[PathBuf]) -> Result<()> {
         if Self::of_all(files)?.is_some_and(|now| now.toml == self.toml) {
             return Ok(());
@@ -123,11 +123,11 @@ impl CarriedScene {
         Err(Error::input(&*self.file, actual, wanted, "try again"))
     }
 
-    /// Checks that a folder contains all plans that its scene was written with.
+    /// Checks that a folder contains all plans with which its scene was written.
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Input`] with the name of the missing plan.
+    /// Returns [`Error::Input`] that names the missing plan.
     pub fn check_folder(&self, folder: &Path) -> Result<()> {
         let digests = text::digests(&self.toml, &self.file)?;
         let mut plans = digests.keys().filter(|name| name.starts_with("plan-"));
@@ -145,8 +145,8 @@ impl CarriedScene {
         Some(Self { toml, file, folder, is_in_log: true, is_bound: true })
     }
 
-    /// Returns the scene that came with the files. Some of the files may have no scene, and the
-    /// seeds of their scenes may differ.
+    /// Returns the scene that came with the files. Files without a scene are ignored, and the
+    /// scenes may differ in their seed.
     ///
     /// # Errors
     ///
@@ -156,7 +156,7 @@ impl CarriedScene {
         for path in files {
             scenes.extend(Self::read(path)?);
         }
-        // The scene is bound only if all of the scenes are.
+        // The result is bound only if all of the scenes are.
         let is_bound = scenes.iter().all(|carried| carried.is_bound);
         let Some((first, others)) = scenes.split_first() else { return Ok(None) };
         for other in others {
@@ -180,13 +180,13 @@ impl CarriedScene {
         path.with_extension(SCENE)
     }
 
-    /// Returns the text of a scene file with the names and digests of the files next to it.
+    /// Returns the text of a scene file that lists the names and digests of the files next to it.
     pub fn text(toml: &str, files: impl IntoIterator<Item = (String, String)>) -> String {
         toml.to_owned() + &text::digest_table(files.into_iter().collect())
     }
 
     /// Moves a completely written plan or flight to its final name, with its scene and the files
-    /// that the scene names. Returns their paths, with the plan first.
+    /// named in the scene. Returns their paths, the plan first.
     ///
     /// # Errors
     ///
@@ -197,8 +197,8 @@ impl CarriedScene {
         let mut files = scene.write_copies(file.path())?;
         files.push(beside.write_with(|out| out.write_all(toml.as_bytes()))?);
         files.push(file);
-        // The plan is moved last. If the program is killed before that, the new scene refuses the
-        // old plan, so that a plan is never accepted with the scene of another plan.
+        // The plan is moved last. If the program is killed before that, the new scene does not
+        // match the old plan, so no plan is ever accepted with the scene of another.
         let mut files = WholeFile::keep_all(files)?;
         files.reverse();
         Ok(files)
@@ -209,16 +209,16 @@ impl CarriedScene {
         Scene::parse_in(&self.toml, &self.file, &self.folder, settings)
     }
 
-    /// Returns the scene with settings that override its keys. Refuses the scene of a log if it
-    /// names files, because its author would choose which files this machine opens. The settings
-    /// may name files.
+    /// Returns the scene with settings that override its keys. Returns an error if the scene comes
+    /// from a log and names files, because its author would choose which files this machine opens.
+    /// The settings may name files.
     ///
     /// # Errors
     ///
     /// Returns the errors of [`Self::scene`], and [`Error::Input`] with the key that names a file.
     pub fn distrusted_scene(&self, settings: &[(&str, &str)]) -> Result<Scene> {
         let scene = self.scene(settings)?;
-        // The keys below name a file and are not in the user's settings.
+        // These keys name a file and are not overridden by the user's settings.
         let background = Some("photo.background").filter(|_| !scene.photo.background.is_empty());
         let keys = scene.letters.files().map(|(key, _)| key).chain(background);
         let refused: Vec<&str> =
@@ -323,7 +323,7 @@ mod tests {
         let error = CarriedScene::read(&path("plan-2.csv")).unwrap_err().to_string();
         assert!(error.contains(&sha256(b"3")) && error.contains("flight.csv, plan.csv"), "{error}");
         assert!(Scene::read(&path("plan-2.csv")).is_err(), "named as the scene, too");
-        // Another program rewrites both files between reading the scene and its plan.
+        // Another program rewrites both files after the scene was read, but before its plan is.
         let carried = CarriedScene::read(&path("plan.csv")).unwrap().unwrap();
         std::fs::write(path("plan.csv"), "4").unwrap();
         let digests = [("plan.csv".to_owned(), sha256(b"4"))];

@@ -1,5 +1,5 @@
-//! Keys that imply others: if a scene sets one of them, other keys get matching values instead of
-//! the preset's, unless the scene sets these as well.
+//! Keys that imply others: if a scene sets one of them, some other keys take matching values in
+//! place of the preset's, unless the scene sets those as well.
 
 use toml::{Table, Value};
 
@@ -9,7 +9,7 @@ use noctograph_core::lamps::HEADLIGHTS;
 use noctograph_picture::light::{Deck, RING, RingColor, RingEffect};
 use noctograph_plan::PlanOptions;
 
-/// Keys that a scene sets, and the consequences of each, which the header of a printed scene lists.
+/// Conditions on a scene's keys, and the values that they imply, as printed above a scene.
 pub(super) const RULES: [(&str, &str); 4] = [
     ("plan.style", "every other key of [plan] is that style's default"),
     ("light.deck = \"color-led\"", "plan.lights = [\"color-led\"], because it has no headlights"),
@@ -17,7 +17,7 @@ pub(super) const RULES: [(&str, &str); 4] = [
     ("camera.f_number or camera.iso, without camera.metering", "camera.metering = \"off\""),
 ];
 
-/// Sets the values in a preset's scene that follow from the layers above it, by [`RULES`] in order.
+/// Sets the values that the layers above a preset imply in its scene, by [`RULES`] in order.
 pub(super) fn apply(scene: &mut Scene, layers: &mut [Table]) {
     match last_name(layers, "plan.style") {
         Some("even") => scene.plan = PlanOptions::even(),
@@ -30,7 +30,7 @@ pub(super) fn apply(scene: &mut Scene, layers: &mut [Table]) {
     }
     if chooses_ring(layers) {
         scene.light.ring = RingEffect::Solid(RingColor::default());
-        // A ring that is chosen for one run lights up regardless of the effect in the file.
+        // A ring that is chosen for one run is switched on regardless of the effect in the file.
         if let Some(Value::Table(light)) = layers[0].get_mut("light") {
             light.remove("ring");
         }
@@ -44,7 +44,7 @@ pub(super) fn apply(scene: &mut Scene, layers: &mut [Table]) {
 }
 
 /// Returns true if `plan.lights` contains only the ring and no effect is set for it. Layer 0 is the
-/// file, whose effect is ignored if a layer above it sets `plan.lights`.
+/// file. Its effect is ignored if a higher layer sets `plan.lights`.
 fn chooses_ring(layers: &[Table]) -> bool {
     let layers_down = layers.iter().enumerate().rev();
     let mut choices =
@@ -62,8 +62,7 @@ pub(super) fn value_at<'a>(layer: &'a Table, key: &str) -> Option<&'a Value> {
     keys.fold(first, |value, key| value?.get(key))
 }
 
-/// Returns the name of a choice, which is a text or the `kind` of a table, from the highest layer
-/// that contains the key.
+/// Returns the name of a choice, a text or a `kind`, from the highest layer with the key.
 pub(super) fn last_name<'a>(layers: &'a [Table], key: &str) -> Option<&'a str> {
     layers.iter().rev().find_map(|layer| {
         let value = value_at(layer, key)?;

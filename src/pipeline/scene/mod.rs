@@ -1,7 +1,7 @@
 //! Scene: the TOML file that completely determines a photo.
 //!
-//! Omitted keys have the values of a preset, by default `cf21`, so that a scene only contains what
-//! it changes. Unknown keys and values out of range are refused with the line and the key.
+//! Omitted keys take the values of a preset, by default `cf21`, so a scene contains only what
+//! differs. Unknown keys and values out of range are refused, with the line and the key.
 
 use std::path::Path;
 
@@ -94,15 +94,15 @@ impl Scene {
     /// # Errors
     ///
     /// Returns [`Error::Io`] if the file cannot be read. Returns [`Error::Input`] with line and key
-    /// for broken TOML, an unknown key or a value out of range.
+    /// for malformed TOML, an unknown key or a value out of range.
     pub fn read(path: &Path) -> Result<Self> {
         Self::read_with(path, &[])
     }
 
     /// Reads a scene file, or the scene of a photo (PNG), a log, a plan or a flight
-    /// ([`CarriedScene`]). Single settings override its keys as in [`Self::parse_with`].
+    /// ([`CarriedScene`]). Individual settings override keys as in [`Self::parse_with`].
     fn read_with(path: &Path, settings: &[(&str, &str)]) -> Result<Self> {
-        // The extension of the file determines how the scene is read.
+        // The file's extension determines how the scene is read.
         let file = path.display().to_string();
         if ["csv", "json"].contains(&&*ending(path)) {
             let Some(carried) = CarriedScene::read(path)? else {
@@ -127,24 +127,24 @@ impl Scene {
         Self::parse_with(toml, file, &[])
     }
 
-    /// Reads the text of a scene. Settings, which are dotted keys with values, override keys of the
+    /// Reads the text of a scene. Settings are dotted keys with values that override keys in the
     /// text, such as `("vehicle.mass_kg", "0.04")` or `("plan.style", "even")`.
     ///
-    /// The order of precedence is: settings, keys of the file, implied values (a table in the text
-    /// of [`Self::to_toml`]), preset.
+    /// Precedence, highest first: settings, keys in the file, implied values (listed in the text of
+    /// [`Self::to_toml`]), preset.
     pub fn parse_with(toml: &str, file: &str, settings: &[(&str, &str)]) -> Result<Self> {
         Self::parse_in(toml, file, Path::new(""), settings)
     }
 
-    /// Reads the text of a scene in a folder, like [`Self::parse_with`]. File names in the text are
-    /// relative to that folder, and those in settings to the current folder.
+    /// Reads the text of a scene in a folder, as [`Self::parse_with`] does. File names in the text
+    /// are relative to that folder, and those in settings to the current folder.
     pub fn parse_in(
         toml: &str,
         file: &str,
         folder: &Path,
         settings: &[(&str, &str)],
     ) -> Result<Self> {
-        // The layers, lowest first, are: preset, implied values, file, single settings.
+        // The layers, lowest first, are: preset, implied values, file, individual settings.
         let mut set_keys = Table::new();
         for (key, value) in settings {
             let setting = text::single_setting(key, value)?;
@@ -178,8 +178,8 @@ impl Scene {
         text::document(self)
     }
 
-    /// Returns all keys and values. Only this function and [`Self::from_table`] write and read all
-    /// settings, because such code is large when compiled.
+    /// Returns all keys and values. Settings are written and read only here and in
+    /// [`Self::from_table`], because such code becomes large when compiled.
     pub fn to_table(&self) -> Table {
         Table::try_from(self).expect("a scene is a TOML table")
     }
@@ -193,14 +193,14 @@ impl Scene {
         text::to_scene(values)
     }
 
-    /// Returns the settings that may name a file: the fonts, the drawing and the background.
+    /// Returns the settings that may contain a file name: fonts, drawing and background.
     pub fn files_mut(&mut self) -> impl Iterator<Item = &mut String> {
         let letters = &mut self.letters;
         let fonts = std::iter::once(&mut letters.font).chain(&mut letters.fallback);
         fonts.chain([&mut letters.drawing, &mut self.photo.background])
     }
 
-    /// Returns the keys whose values differ from the preset's, each with both values.
+    /// Returns the keys that differ from the preset, each with both values.
     pub fn changes(&self) -> Vec<[String; 3]> {
         text::changes(self, self.preset.scene())
     }
@@ -239,8 +239,8 @@ impl Scene {
         self.expose.unevenness = 0.0;
     }
 
-    /// Makes the paths of files absolute and sets the digest of the drawing, so that the scene is
-    /// the same in every folder. A missing drawing is reported by [`Self::strokes`].
+    /// Makes file paths absolute and sets the digest of the drawing, so that the scene is the same
+    /// in every folder. [`Self::strokes`] reports a missing drawing.
     ///
     /// # Errors
     ///
@@ -254,7 +254,7 @@ impl Scene {
             }
         }
         let drawing = Path::new(&self.letters.drawing);
-        // A named pipe can only be read once, so that it is not read before it is drawn.
+        // A named pipe can be read only once, so it is not read until it is drawn.
         if drawing.is_file() {
             let bytes = letters::DRAWING_LIMIT.read(drawing)?;
             let actual = sha256(&bytes);
@@ -285,8 +285,8 @@ impl Scene {
         letters::write(&self.word, &self.letters)
     }
 
-    /// Returns the rate of the clock that paces the setpoints, in its seconds per true second. By
-    /// default it is the firmware's rate for a trajectory on board, and 1 otherwise.
+    /// Returns the rate of the clock that paces the setpoints, relative to true time. The default
+    /// is the firmware's rate for an onboard trajectory, and 1 otherwise.
     pub fn trajectory_clock(&self) -> f64 {
         let is_on_board = self.radio.drones > 0 && self.radio.setpoints == Setpoints::OnBoard;
         let usual = if is_on_board { self.vehicle.firmware.clock() } else { 1.0 };
@@ -312,7 +312,7 @@ impl Scene {
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Input`] with the key that is out of range.
+    /// Returns [`Error::Input`] that names the key out of range.
     pub fn check(&self) -> Result<()> {
         if i64::try_from(self.seed).is_err() {
             let wanted = format!("a whole number from 0 to {}", i64::MAX);
@@ -352,7 +352,7 @@ mod tests {
             assert_eq!(ring("", &settings), RingEffect::Off);
         }
         assert_eq!(ring("", &[]), RingEffect::Off);
-        // The color is set without the effect, and together with it in any order.
+        // The color is set without the effect, and together with the effect in either order.
         let (color, effect) = (("light.ring.color", "[1, 2, 3]"), ("light.ring", "solid"));
         let colored = RingEffect::Solid(RingColor { color: [1, 2, 3] });
         for settings in [&[chosen, color][..], &[color, effect], &[effect, color]] {

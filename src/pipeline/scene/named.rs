@@ -7,7 +7,7 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::files::as_spelled;
 use noctograph_core::settings::suggestion;
 
-/// Scenes that are shipped with the program, as TOML.
+/// Scenes shipped with the program, as TOML.
 const SHIPPED: [(&str, &str); 6] = [
     ("team", include_str!("shipped/team.toml")),
     ("pid", include_str!("shipped/pid.toml")),
@@ -37,13 +37,12 @@ impl NamedScene {
 }
 
 impl Scene {
-    /// Finds a scene by `name`, and reads it with single settings that override its keys, as in
+    /// Finds a scene by `name`, and reads it with individual settings that override keys, as in
     /// [`Scene::parse_with`]. The name is that of a shipped scene (team, pid, geometric, tuned,
     /// two-drones-three-anchors and the same with -and-floor), a preset, a scene file, or a folder
     /// with `scene.toml`.
     ///
-    /// Names of scenes take precedence over files, so that a folder called `tuned` must be given as
-    /// `./tuned`.
+    /// Scene names take precedence over files, so a folder `tuned` must be given as `./tuned`.
     ///
     /// # Errors
     ///
@@ -87,8 +86,7 @@ impl Scene {
     }
 }
 
-/// Returns the text of a shipped scene, or of a scene that only names a preset, or `None` for a
-/// file name.
+/// Returns the text of a shipped scene or of a preset's name, or `None` for a file name.
 fn text_of_name(name: &str) -> Option<String> {
     if let Some((_, toml)) = SHIPPED.iter().find(|(shipped, _)| *shipped == name) {
         return Some((*toml).to_owned());

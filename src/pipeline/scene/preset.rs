@@ -1,7 +1,7 @@
-//! Named sets of values for a complete scene, in scene files that give the source of each number.
+//! Presets: named sets of values for a scene, in files that cite the source of each number.
 //!
-//! The values of published models differ by factors (motor lag 0.02 to 0.25 s, yaw moment 0.005 to
-//! 0.034 m), so that a preset is taken from a single source if possible.
+//! Published values differ by large factors between models (motor lag 0.02 to 0.25 s, yaw moment
+//! 0.005 to 0.034 m), so a preset is taken from a single source if possible.
 
 use std::sync::OnceLock;
 
@@ -9,8 +9,8 @@ use super::Scene;
 use noctograph_core::settings::settings;
 
 settings! {
-    /// A named set of values from which a scene starts. `ae483-2022` is a complete system. The
-    /// other presets differ only in the drone, and write, light and photograph in the same way.
+    /// Named set of initial values for a scene. `ae483-2022` is a complete system. The other
+    /// presets differ from each other only in the drone.
     pub enum Preset {
         /// Crazyflie 2.1 as sold, with the Lighthouse deck and the LED-ring deck.
         "cf21" => Cf21,
@@ -120,7 +120,7 @@ mod tests {
 
     #[test]
     fn every_set_passes_its_check_and_flies_noor_from_floor_to_floor() {
-        // The bounds are a tenth larger than the observed errors.
+        // The bounds exceed the observed errors by a tenth.
         let sets = [
             (with_regulator(Preset::Cf21), [0.073, 0.01, 0.081]),
             (with_regulator(Preset::Cf21ThrustKit), [0.072, 0.01, 0.081]),
@@ -141,7 +141,7 @@ mod tests {
 
     #[test]
     fn every_crazyflie_bears_a_rooms_gusts_with_the_firmwares_controllers() {
-        // A regulator without integral action does not withstand gusts, which move cf21 by 8 cm.
+        // A regulator without integral action cannot withstand gusts, which displace cf21 by 8 cm.
         for preset in [Preset::Cf21, Preset::Cf21ThrustKit, Preset::CfBrushless] {
             for (kind, bound_m) in [(ControllerKind::Pid, 0.12), (ControllerKind::Geometric, 0.06)]
             {
@@ -174,7 +174,7 @@ mod tests {
         let apart_m = coarse.samples.iter().zip(&fine.samples).filter(|(a, _)| a.letter.is_some());
         let apart_m =
             apart_m.map(|(a, b)| (a.position_m - b.position_m).norm()).fold(0.0, f64::max);
-        // Most of the difference comes from the lift-off, whose time is only known to one step.
+        // Most of the difference comes from the lift-off time, known only to one time step.
         assert!(apart_m < 2e-5, "{apart_m} m apart");
     }
 }

@@ -1,7 +1,7 @@
-//! Task: a scene with some keys that others may change, such as the controller's keys in a course.
+//! Task: a scene in which submissions may change some keys, such as the controller's.
 //!
-//! Product in: the text of a submission, which is a whole scene or a few keys. Product out: the
-//! task's scene with the allowed keys of the submission.
+//! Product in: the text of a submission, either a complete scene or a few keys. Product out: the
+//! task's scene with the submission's values for the allowed keys.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use noctograph_core::settings::{Described, paths, suggestion};
 
 /// Keys that a submission may change by default.
 const MAY: [&str; 3] = ["controller.*", "observer.luenberger.*", "observer.ekf.*"];
-/// Keys that name files. A submission never changes them.
+/// Keys that name files, which submissions never change.
 const FILES: [&str; 5] = [
     "letters.font",
     "letters.fallback",
@@ -21,7 +21,7 @@ const FILES: [&str; 5] = [
 ];
 /// Maximum number of differences that a message lists with their values.
 const MAX_NAMED: usize = 3;
-/// Maximum number of characters of such a value.
+/// Maximum number of characters of a listed value.
 const MAX_CHARACTERS: usize = 40;
 
 /// A scene, and the keys that submissions may change.
@@ -33,12 +33,12 @@ pub struct SceneTask {
 
 impl SceneTask {
     /// Creates a task whose submissions may change the keys and tables in `may`, such as
-    /// `controller.lqr.q` and `controller.*`. If `may` is empty, they may change the controller and
-    /// the weights of the observers.
+    /// `controller.lqr.q` and `controller.*`. If `may` is empty, the controller and the weights of
+    /// the observers may be changed.
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Input`] for a key that no scene has or that names a file.
+    /// Returns [`Error::Input`] for a key that does not exist or that names a file.
     pub fn new(scene: Scene, may: &[String]) -> Result<Self> {
         let may = if may.is_empty() { MAY.map(str::to_owned).to_vec() } else { may.to_vec() };
         let mut keys = paths(Scene::SHAPE.settings());
@@ -53,12 +53,11 @@ impl SceneTask {
         Ok(Self { scene, may })
     }
 
-    /// Returns the task's scene with a submission's keys (TOML), but with its own word and seed.
+    /// Returns the task's scene with a submission's keys (TOML), but with the task's word and seed.
     ///
     /// # Errors
     ///
-    /// Returns the errors of [`Scene::read`], and [`Error::Infeasible`] with the keys that a
-    /// submission may not change.
+    /// Returns the errors of [`Scene::read`], and [`Error::Infeasible`] that lists forbidden keys.
     pub fn submission(&self, path: &Path) -> Result<Scene> {
         let (toml, file) = (LIMIT.read_text(path)?, path.display().to_string());
         if toml.trim().is_empty() {
@@ -72,7 +71,7 @@ impl SceneTask {
         let mut task = self.scene.clone();
         scene.seed = task.seed;
         scene.word.clone_from(&task.word);
-        // On the machine of a student, a file of the task has another path.
+        // A file of the task may have a different path on a student's machine.
         for (theirs, ours) in scene.files_mut().zip(task.files_mut()) {
             let [name, wanted] = [&*theirs, &*ours].map(|path| Path::new(path).file_name());
             if name.is_some() && name == wanted {
@@ -101,7 +100,7 @@ fn covers(named: &str, key: &str) -> bool {
     key.strip_prefix(table).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
 }
 
-/// Returns a sentence with the keys that differ, of which the first [`MAX_NAMED`] have both values.
+/// Returns a sentence that lists the keys that differ, with values for the first [`MAX_NAMED`].
 fn sentence(changes: &[[String; 3]]) -> String {
     let mut parts = Vec::new();
     for [key, value, task] in changes.iter().take(MAX_NAMED) {

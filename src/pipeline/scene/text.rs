@@ -15,9 +15,9 @@ use noctograph_core::settings::{
 
 /// Maximum line width of the printed file.
 const WIDTH: usize = 80;
-/// Name of the table, not a setting, with the SHA-256 of files that a scene was written with.
+/// Name of the table (not a setting) that contains the SHA-256 of the files written with a scene.
 const DIGESTS: &str = "sha256";
-/// Advice for a broken scene file.
+/// Advice for an invalid scene file.
 pub(super) const HINT: &str = "`noctograph scene` prints every key with its meaning and range";
 
 /// Returns the complete scene as a commented TOML file.
@@ -27,7 +27,7 @@ pub(super) fn document(scene: &Scene) -> String {
                     # with angles in radians. Omitted keys keep the values of the preset, except for\n\
                     # those that follow from a key that is set:\n"
         .to_owned();
-    // The rules explain why values differ from the preset although the file does not set them.
+    // The rules explain why some values differ from the preset although the file does not set them.
     for (when, then) in implied::RULES {
         wrap(&mut text, "#   ", "#     ", &format!("{when}: {then}"));
     }
@@ -46,7 +46,7 @@ fn is_table(value: &Value) -> bool {
 
 /// Appends the settings of a table whose dotted key is `path`.
 fn write_settings(text: &mut String, path: &str, settings: &[Setting], values: &Table) {
-    // In TOML, all keys after a table's header belong to it, so that tables must come last.
+    // In TOML, all keys after a table's header belong to that table, so tables must come last.
     let (tables, plain): (Vec<&Setting>, Vec<&Setting>) =
         settings.iter().partition(|setting| values.get(setting.key).is_some_and(is_table));
     for setting in plain {
@@ -83,7 +83,7 @@ fn write_settings(text: &mut String, path: &str, settings: &[Setting], values: &
     }
 }
 
-/// Returns the lamps of a scene that lists none, as comments that can be copied.
+/// Returns, for a scene without a list of lamps, the deck's lamps as comments that can be copied.
 fn lamps_of_deck(scene: &Scene) -> String {
     let rows = Value::try_from(scene.light.fixtures()).expect("lamps are tables");
     let mut text = String::new();
@@ -104,7 +104,7 @@ fn write_rows(text: &mut String, path: &str, rows: &Value) {
 
 /// Appends a key with its value. A long list is split into several lines.
 fn write_entry(text: &mut String, key: &str, value: &Value) {
-    // Numbers are wrapped like words. Other items get a line each.
+    // Numbers are wrapped like words. Every other item is written on a separate line.
     let line = format!("{key} = {value}\n");
     match value.as_array() {
         Some(items) if line.chars().count() > WIDTH + 1 => {
@@ -130,13 +130,13 @@ fn write_comment(text: &mut String, doc: &[&str], range: Option<[f64; 2]>) {
     wrap(text, "# ", "# ", &words);
 }
 
-/// Appends a name of a choice and its meaning as a comment.
+/// Appends one name of a choice and its meaning as a comment.
 fn write_name(text: &mut String, variant: &Variant) {
     let first = format!("#   {}: ", variant.name);
     wrap(text, &first, "#     ", &first_paragraph(variant.doc));
 }
 
-/// Returns the first paragraph of a documentation text, without the markup of code and links.
+/// Returns the first paragraph of a documentation text, without markup for code and links.
 fn first_paragraph(doc: &[&str]) -> String {
     let lines = doc.iter().map(|line| line.trim()).take_while(|line| !line.is_empty());
     lines.collect::<Vec<_>>().join(" ").replace("[`", "").replace("`]", "").replace('`', "")
@@ -147,7 +147,7 @@ fn first_paragraph(doc: &[&str]) -> String {
 fn wrap(text: &mut String, first: &str, next: &str, words: &str) {
     let mut line = first.to_owned();
     for word in words.split_whitespace() {
-        // The prefix of a line already ends with a space.
+        // The prefix of the line may already end with a space.
         let space = if line.ends_with(' ') { "" } else { " " };
         if line.chars().count() + space.len() + word.chars().count() > WIDTH {
             *text += line.trim_end();
@@ -162,7 +162,7 @@ fn wrap(text: &mut String, first: &str, next: &str, words: &str) {
     text.push('\n');
 }
 
-/// Reads the text of a scene file as a table of known keys. Errors contain the line number.
+/// Parses the text of a scene file into a table of known keys. Errors contain the line number.
 pub(super) fn read(toml: &str, file: &str) -> Result<Table> {
     let mut table: Table = toml.parse().map_err(|error: toml::de::Error| {
         let line = error.span().map_or(1, |span| line_at(toml, span.start));
@@ -176,7 +176,7 @@ pub(super) fn read(toml: &str, file: &str) -> Result<Table> {
     Ok(table)
 }
 
-/// Reads the text of a scene file, which must not be empty.
+/// Reads the text of a scene file. Returns an error if the file is empty.
 pub(super) fn read_file(path: &Path) -> Result<String> {
     let text = LIMIT.read_text(path)?;
     if text.trim().is_empty() {
@@ -186,14 +186,14 @@ pub(super) fn read_file(path: &Path) -> Result<String> {
     Ok(text)
 }
 
-/// Returns the digests in the text of a scene file. If the text is not TOML, the result is empty,
-/// and reading the scene later refuses it.
+/// Returns the digests in the text of a scene file. The result is empty if the text is not TOML, an
+/// error that is reported when the scene is read later.
 pub(super) fn digests(toml: &str, file: &str) -> Result<BTreeMap<String, String>> {
     let mut table = toml.parse().unwrap_or_default();
     take_digests(&mut table).map_err(|error| with_line(error, toml, file))
 }
 
-/// Removes the digests from a scene file's table, leaving only settings, and returns them.
+/// Removes the digests from a scene file's table, so that only settings remain, and returns them.
 fn take_digests(table: &mut Table) -> Result<BTreeMap<String, String>> {
     let Some(digests) = table.remove(DIGESTS) else { return Ok(BTreeMap::new()) };
     let digests = digests.try_into::<BTreeMap<String, String>>().ok();
@@ -207,7 +207,7 @@ fn take_digests(table: &mut Table) -> Result<BTreeMap<String, String>> {
     })
 }
 
-/// Returns the text of the digests, which follows a scene's settings.
+/// Returns the text of the digests, which is written after a scene's settings.
 pub(super) fn digest_table(digests: BTreeMap<String, String>) -> String {
     let digests = Value::try_from(digests).expect("texts are a table");
     let table = Table::from_iter([(DIGESTS.to_owned(), digests)]);
@@ -240,7 +240,7 @@ fn check_settings(path: &str, settings: &[Setting], table: &Table) -> Result<()>
         let Some(setting) = settings.iter().find(|setting| setting.key == key) else {
             return Err(unknown_key(&place, key));
         };
-        // Values of a wrong type are reported later, when the scene is read from the table.
+        // Values of the wrong type are reported later, when the scene is read from the table.
         match (setting.shape, value) {
             (Shape::Group(settings), Value::Table(table)) => {
                 check_settings(&place, settings, table)?;
@@ -256,7 +256,7 @@ fn check_settings(path: &str, settings: &[Setting], table: &Table) -> Result<()>
     Ok(())
 }
 
-/// Checks that the keys of a choice belong to its kind, or to any kind if none is given.
+/// Checks that the keys in a choice's table belong to its kind, or to any kind if none is given.
 fn check_choice(path: &str, shape: Shape, variants: &[Variant], table: &Table) -> Result<()> {
     let kind = table.get("kind").and_then(Value::as_str);
     if let Some(kind) = kind {
@@ -268,7 +268,7 @@ fn check_choice(path: &str, shape: Shape, variants: &[Variant], table: &Table) -
         if owners.clone().any(|owner| kind.is_none_or(|kind| owner.name == kind)) {
             continue;
         }
-        // If the key belongs to another kind, the advice names that kind.
+        // If the key belongs to a different kind, the advice names that kind.
         let place = format!("{path}.{key}");
         let (Some(owner), Some(kind)) = (owners.next(), kind) else {
             return Err(unknown_key(&place, key));
@@ -288,13 +288,13 @@ fn check_name(place: &str, name: &str, shape: Shape) -> Result<()> {
     }
 }
 
-/// Returns the error for an unknown key, with the key that was probably meant.
+/// Returns the error for an unknown key, with the key that was probably intended.
 fn unknown_key(place: &str, key: &str) -> Error {
     let paths = noctograph_core::settings::paths(Scene::SHAPE.settings());
     let same_name: Vec<&String> =
         paths.iter().filter(|path| path.rsplit('.').next() == Some(key)).collect();
-    // A key of this name in the same table is suggested first, then a similar key, then the only
-    // key of this name in any table.
+    // The first suggestion is a key of this name in the same table, then a similar key, then the
+    // only key of this name in any table.
     let table = place.split_inclusive('.').next().unwrap_or_default();
     let in_table: Vec<&String> =
         same_name.iter().copied().filter(|path| path.starts_with(table)).collect();
@@ -306,14 +306,14 @@ fn unknown_key(place: &str, key: &str) -> Error {
     Error::input(place, format!("the unknown key {key}"), "a key of a scene", hint)
 }
 
-/// Merges the table `over` into the table `base`, recursively. A bare name as the value of a choice
-/// sets its `kind`, and a new kind removes the choice's settings from `base`. In a group that has a
-/// `kind` among other keys, a new kind removes nothing.
+/// Merges the table `over` into the table `base`, recursively. If the value of a choice is just a
+/// name, the name sets the `kind`, and a new kind removes the choice's settings from `base`. In a
+/// group that contains a `kind` among other keys, a new kind removes nothing.
 pub(super) fn overlay(base: &mut Table, over: Table, settings: &[Setting]) {
     for (key, value) in over {
         let setting = settings.iter().find(|setting| setting.key == key);
         let shape = setting.map_or(Shape::Plain, |setting| setting.shape);
-        // A bare name in `base` first becomes a table, so that only tables need to be merged.
+        // A plain name in `base` is first replaced by a table, so only tables have to be merged.
         if let (Shape::Tagged(_) | Shape::Group(_), Some(name @ Value::String(_))) =
             (shape, base.get_mut(&key))
         {
@@ -347,7 +347,7 @@ fn kind_table(kind: String) -> Table {
     [("kind".to_owned(), Value::String(kind))].into_iter().collect()
 }
 
-/// Merges the table of a choice into `base`, or replaces `base` if the `kind` is different.
+/// Merges the table of a choice into `base`, or replaces `base` if the `kind` differs.
 fn overlay_choice(base: &mut Table, over: Table, variants: &[Variant]) {
     match (over.get("kind"), base.get("kind")) {
         (Some(kind), Some(base_kind)) if kind != base_kind => *base = over,
@@ -358,11 +358,11 @@ fn overlay_choice(base: &mut Table, over: Table, variants: &[Variant]) {
     }
 }
 
-/// Returns the table of a single setting, given as a dotted key and its value as TOML or bare text.
+/// Returns the table for a single setting, given a dotted key and a value as TOML or plain text.
 pub(super) fn single_setting(key: &str, value: &str) -> Result<Table> {
     let parsed = format!("value = {value}").parse::<Table>().ok();
     let parsed = parsed.filter(|table| table.len() == 1).and_then(|mut t| t.remove("value"));
-    // Digits are read as text if the key's value is text, because a word may be 7.
+    // If the key's value is text, digits are read as text, because a word may be 7.
     let defaults = Scene::preset(Preset::default()).to_table();
     let is_text = implied::value_at(&defaults, key).is_some_and(Value::is_str);
     let mut value = match parsed {
@@ -387,7 +387,7 @@ pub(super) fn changes(scene: &Scene, other: &Scene) -> Vec<[String; 3]> {
 
 /// Collects the keys whose values differ between two tables, with both values.
 fn compare(changes: &mut Vec<[String; 3]>, path: &str, values: &Table, others: &Table) {
-    // Choices of different kinds have different keys, so that the keys of both tables are compared.
+    // Choices of different kinds have different keys, so the keys of both tables are compared.
     let keys: BTreeSet<&String> = values.keys().chain(others.keys()).collect();
     for key in keys {
         let (key_path, pair) = (joined(path, key), [values.get(key), others.get(key)]);
@@ -405,7 +405,7 @@ fn compare(changes: &mut Vec<[String; 3]>, path: &str, values: &Table, others: &
     }
 }
 
-/// Adds the file to an error's place, and the line if the place begins with a key.
+/// Adds the file to an error's place, and the line number if the place begins with a key.
 pub(super) fn with_line(error: Error, toml: &str, file: &str) -> Error {
     let line = match &error {
         Error::Input { place, .. } => line_of(toml, place),
@@ -414,10 +414,10 @@ pub(super) fn with_line(error: Error, toml: &str, file: &str) -> Error {
     error.in_file(file, line)
 }
 
-/// Returns the line of a key, or that of the innermost table or list around it in the file.
+/// Returns the line number of a key, or that of the innermost table or list around it in the file.
 fn line_of(toml: &str, place: &Place) -> Option<u64> {
     let parsed = DeTable::parse(toml).ok()?;
-    // The loop follows the place from table to table. A missing key has the preset's value.
+    // The loop descends from table to table. A missing key has the preset's value.
     let mut value = &Spanned::new(0..0, DeValue::Table(parsed.into_inner()));
     let mut line = None;
     for segment in &place.0 {
@@ -445,12 +445,12 @@ fn line_of(toml: &str, place: &Place) -> Option<u64> {
     line
 }
 
-/// Returns the line number, counted from 1, of a byte of the text.
+/// Returns the line number, counted from 1, of a byte in the text.
 fn line_at(text: &str, byte: usize) -> u64 {
     1 + text.bytes().take(byte).filter(|b| *b == b'\n').count() as u64
 }
 
-/// Reads a scene from a table of settings. If a value has the wrong type, the error names its key.
+/// Reads a scene from a table of settings. For a value of the wrong type, the error names the key.
 pub(super) fn to_scene(values: Table) -> Result<Scene> {
     // `serde_path_to_error` doubles the size of the compiled code that reads a scene. In a web
     // page, the key is therefore taken from the message, which ends with "in `key`".
@@ -469,7 +469,7 @@ pub(super) fn to_scene(values: Table) -> Result<Scene> {
         });
         let place = Place(steps.collect());
         let actual = error.inner().message().replace('\n', "; ");
-        // Values of a wrong type are the most common mistake, so that serde's message is reworded.
+        // Values of the wrong type are the most common mistake, so serde's message is reworded.
         let mismatch =
             actual.strip_prefix("invalid type: ").and_then(|rest| rest.split_once(", expected "));
         match mismatch {

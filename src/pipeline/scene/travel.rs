@@ -1,7 +1,7 @@
-//! Makes a scene file that can be moved together with the files that it names.
+//! Writes a scene file that can be moved together with the files that it names.
 //!
-//! In memory, a scene contains paths of this machine. In a file, it contains names relative to the
-//! folder of the file, so that the folder can be moved and published.
+//! In memory, a scene contains local paths. In a file, it contains names relative to the file's
+//! folder, so that the folder can be moved and published.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -12,14 +12,14 @@ use super::Scene;
 use noctograph_core::error::{Result, is_device};
 use noctograph_core::files::{Limit, Output, WholeFile, file_name, path_from, relative_name};
 
-/// Size limit for each of the files: a typeface, a drawing or a background.
+/// Size limit for each of these files: a typeface, a drawing or a background.
 const LIMIT: Limit =
     Limit { bytes: 256 << 20, what: "a file of a scene", hint: "name a smaller file" };
 
-/// Prefixes of the names of other output files next to a scene.
+/// Prefixes in the names of other output files next to a scene.
 const RESERVED: [&str; 7] = ["photo.", "verdict.", "spread", "plan", "flight", "report.", "scene."];
 
-/// The text of a scene, and the files next to it.
+/// Text of a scene, and the files next to it.
 #[derive(Clone, Debug)]
 pub struct SceneFiles {
     /// Text of the scene as TOML.
@@ -29,7 +29,7 @@ pub struct SceneFiles {
 }
 
 impl SceneFiles {
-    /// Writes the copies next to a file under temporary names.
+    /// Writes the copies next to a file, under temporary names.
     pub fn write_copies(&self, path: &Path) -> Result<Vec<WholeFile>> {
         let copies = self.copies.iter().map(|(name, bytes)| {
             Output::create(&path.with_file_name(name))?.write_with(|out| out.write_all(bytes))
@@ -39,8 +39,8 @@ impl SceneFiles {
 }
 
 impl Scene {
-    /// Returns the scene with file names instead of paths, for sharing. Different files get
-    /// different names, and none gets the name of another output.
+    /// Returns the scene with file names instead of paths, for sharing. Different files are given
+    /// different names, which also differ from those of other outputs.
     #[must_use]
     pub fn portable(&self) -> Self {
         let mut scene = self.clone();
@@ -49,9 +49,9 @@ impl Scene {
             let plain = file_name(&*path);
             let numbered = (2..).map(|n| format!("{n}-{plain}"));
             let name = std::iter::once(plain.clone()).chain(numbered).find(|name| {
-                // Windows and macOS do not distinguish upper and lower case in names.
+                // Windows and macOS do not distinguish upper and lower case in file names.
                 let name = name.to_lowercase();
-                // A file that is used twice, as font and as fallback, keeps one name.
+                // A file that is used twice, as font and as fallback, has only one name.
                 !is_device(&name)
                     && !RESERVED.iter().any(|reserved| name.starts_with(reserved))
                     && used.iter().all(|(other, used_name)| other == path || *used_name != name)
@@ -63,9 +63,9 @@ impl Scene {
         scene
     }
 
-    /// Returns the scene as the text of a file in a folder. Files below the folder get relative
-    /// names. Other files are copied next to the scene, under names that consist of `prefix` and
-    /// their portable name.
+    /// Returns the scene as the text of a file in a folder. Files below the folder are given
+    /// relative names. Other files are copied next to the scene, under names that consist of
+    /// `prefix` and their portable name.
     pub fn in_folder(&self, folder: &Path, prefix: &str) -> Result<SceneFiles> {
         let (mut scene, mut portable) = (self.clone(), self.portable());
         let mut copies: Vec<(String, Vec<u8>)> = Vec::new();
@@ -73,7 +73,7 @@ impl Scene {
         for (path, name) in names {
             let relative = Path::new(path).is_file().then(|| relative_name(folder, path.as_ref()));
             *path = match relative {
-                // A named pipe was read when it was drawn, and cannot be copied.
+                // A named pipe has already been read for drawing and cannot be copied.
                 None => name.clone(),
                 Some(Some(relative)) => relative,
                 Some(None) => {
@@ -97,13 +97,13 @@ impl Scene {
     }
 }
 
-/// Returns the folder to which names in a file are relative. The folder of a named pipe is empty.
+/// Returns the folder to which names in a file are relative. It is empty for a named pipe.
 pub fn folder_of(path: &Path) -> PathBuf {
     let is_stream = path.exists() && !path.is_file();
     path.parent().filter(|_| !is_stream).map(Path::to_owned).unwrap_or_default()
 }
 
-/// Returns true if the name of a font, a drawing or a background is that of a file. The names of
+/// Returns true if the name of a font, a drawing or a background is a file name. The names of
 /// built-in fonts have no extension.
 pub(super) fn is_file(name: &str) -> bool {
     name.contains('.')
@@ -121,7 +121,7 @@ pub(super) fn find_files(values: &mut Table, folder: &Path) {
                 name => Vec::from_iter(name),
             };
             for value in names {
-                // If the path is not Unicode, the name is kept for use in its own folder.
+                // If the path is not Unicode, the name is kept, which works within its folder.
                 if let Value::String(name) = value
                     && is_file(name)
                     && let Some(path) = path_from(folder, name).to_str()

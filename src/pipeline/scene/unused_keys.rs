@@ -12,9 +12,9 @@ use noctograph_sim::EstimatorKind;
 use noctograph_sim::sensors::Positioning;
 use noctograph_sim::vehicle::{Gusts, VehicleOptions};
 
-/// Keys or tables, a test that is true if they have no effect in a scene, and the reason. A
-/// condition on a single other setting is in the declaration of the setting ([`Need`]). All other
-/// conditions are in these rules.
+/// Rule: keys or tables, a test that returns true if they have no effect in a scene, and the
+/// reason. A condition on one other setting is declared with the setting ([`Need`]). Conditions of
+/// all other kinds are in these rules.
 type Rule = (&'static [&'static str], fn(&Scene) -> bool, &'static str);
 
 const RULES: &[Rule] = &[
@@ -94,7 +94,7 @@ const RULES: &[Rule] = &[
     ),
 ];
 
-/// Keys of stations and obstacles, which `coverage` and `check` use with all sensors.
+/// Keys of stations and obstacles, which `coverage` and `check` use with every positioning system.
 const ALWAYS_USED: [&str; 4] = [
     "sensors.lighthouse.stations",
     "sensors.lighthouse.people_m",
@@ -144,7 +144,7 @@ fn has_lamp(scene: &Scene, test: fn(&Fixture) -> bool) -> bool {
 /// Returns true if a channel of the plan can emit colored light.
 fn writes_colors(scene: &Scene, channel: &str) -> bool {
     let light = &scene.light;
-    // The color LED is white by default. A fixture that the scene lists has the color of its dies.
+    // The color LED is white by default. A fixture listed in the scene has the color of its dies.
     let has_color = light.color_led_wrgb[1..] != [0; 3]
         || !light.letters_wrgb.is_empty()
         || !scene.letters.drawing.is_empty();
@@ -160,7 +160,7 @@ fn has_color_led(scene: &Scene) -> bool {
     has_lamp(scene, |f| f.drive == Drive::ColorLed)
 }
 
-/// Returns true if the ring writes with an effect of a single color.
+/// Returns true if the ring writes with a single-color effect.
 fn ring_writes(scene: &Scene) -> bool {
     !matches!(scene.light.ring, RingEffect::Off | RingEffect::DoubleSpin)
         && scene.plan.lights.iter().any(|channel| channel == RING.name)
@@ -179,7 +179,7 @@ pub fn reason(scene: &Scene, key: &str) -> Option<String> {
     }
     let values = Value::Table(scene.to_table());
     let mut reasons = Vec::new();
-    // The loop goes from the outermost table to the key, so that the innermost reason is returned.
+    // The loop descends from the outermost table to the key, so the innermost reason is returned.
     let (mut settings, mut path) = (Scene::SHAPE.settings(), String::new());
     for part in key.split('.') {
         path = joined(&path, part);
@@ -202,13 +202,13 @@ pub fn reason(scene: &Scene, key: &str) -> Option<String> {
     reasons.pop()
 }
 
-/// Returns the reason why a setting's need is not met, or `None` if it is met.
+/// Returns the reason why a setting's need is not met, or `None` if it is.
 fn unmet(need: &Need, values: &Value) -> Option<String> {
     let Need { key, names, holds } = need;
     let value = values_at(values, key).into_iter().next();
     let actual = names_at(values, key);
     let matching = names.iter().find(|name| actual.iter().any(|actual| actual == *name));
-    // If the need lists no names, any value except zero and the empty text meets it.
+    // If the need lists no names, any value meets it except zero and empty text.
     let (matches, state) = match (names.split_last(), matching, value) {
         (None, _, Some(value)) if !is_off(value) => (true, "set".to_owned()),
         (None, _, Some(value)) if value.is_float() => (false, "0".to_owned()),
@@ -229,7 +229,7 @@ fn is_off(value: &Value) -> bool {
         || value.as_str().is_some_and(str::is_empty)
 }
 
-/// Returns the values at a dotted key. In a list on the path, each table contributes one.
+/// Returns the values at a dotted key. Each table in a list along the path contributes one value.
 fn values_at<'a>(values: &'a Value, key: &str) -> Vec<&'a Value> {
     key.split('.').fold(vec![values], |values, part| {
         let rows = values.into_iter().flat_map(|value| match value {
@@ -240,8 +240,7 @@ fn values_at<'a>(values: &'a Value, key: &str) -> Vec<&'a Value> {
     })
 }
 
-/// Returns the names at a dotted key: texts, the `kind` of tables, and whole numbers as text,
-/// including the items of a list.
+/// Returns the names at a dotted key: texts, the `kind` of tables, integers, and items of lists.
 fn names_at(values: &Value, key: &str) -> Vec<String> {
     let items = values_at(values, key).into_iter().flat_map(|value| match value {
         Value::Array(items) => items.iter().collect(),
@@ -269,8 +268,8 @@ impl Scene {
     }
 }
 
-/// Collects the keys whose values differ between two tables. For choices of different kinds, only
-/// the key of the choice is added.
+/// Collects the keys that differ between two tables. If the kinds of a choice differ, only the key
+/// of the choice is added.
 fn differing(path: &str, settings: &[Setting], tables: [&Table; 2], keys: &mut Vec<String>) {
     for setting in settings {
         let path = joined(path, setting.key);

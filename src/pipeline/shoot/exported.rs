@@ -1,4 +1,4 @@
-//! Exported flights, in which the plans are replaced with the trajectories that drones decode.
+//! Exported flights, in which the decoded trajectories replace the plans.
 
 use super::planned::{aim, with_color_channels};
 use super::{Planned, Shoot, rehearse};
@@ -8,9 +8,9 @@ use noctograph_picture::light::LightOptions;
 use noctograph_plan::{LightClock, Plan};
 
 impl Shoot {
-    /// Returns the shoot with the exported trajectories in place of the plans, as the firmware
-    /// decodes them, from the take-off command on. With the clock `light`, lights are timed on
-    /// simulated flights of the trajectories, because controllers lag behind them.
+    /// Returns the shoot with its plans replaced by the exported trajectories, as the firmware
+    /// decodes them, from the take-off command on. With the clock `light`, lights are timed by
+    /// simulated flights of the trajectories, because the drone lags behind them.
     ///
     /// # Errors
     ///
@@ -27,8 +27,8 @@ impl Shoot {
         Ok(Self { plans, designs, ..self.clone() })
     }
 
-    /// Returns the shoot with its plans paced by the clock of the scene's firmware, by which a
-    /// script also times the lights.
+    /// Returns the shoot with plans paced by the firmware's clock, which also times a script's
+    /// lights.
     #[must_use]
     pub fn by_firmware_clock(mut self) -> Self {
         let rate = self.scene.vehicle.firmware.clock();
@@ -39,8 +39,8 @@ impl Shoot {
         self
     }
 
-    /// Returns the plans of a show: the exported trajectories, with light from the beginning to the
-    /// end of each stroke, because a viewer does not simulate delays.
+    /// Returns the plans of a show: the exported trajectories, lit over the whole of each stroke,
+    /// because a viewer does not simulate delays.
     pub fn as_shown(&self, tolerance_m: f64) -> Result<Vec<Plan>> {
         let (release, form) = (self.scene.vehicle.firmware, Form::Compressed);
         let plans = flown(release, &self.designs(), form, tolerance_m, Length::Any)?;
@@ -48,7 +48,7 @@ impl Shoot {
         Ok(plans.into_iter().map(|plan| as_lit(plan, &lamps)).collect())
     }
 
-    /// Returns the plans that are exported: the designs or, if there are none, the plans.
+    /// Returns the exported plans: the designs or, if there are none, the plans.
     pub fn designs(&self) -> std::borrow::Cow<'_, [Plan]> {
         if self.designs.is_empty() {
             self.plans.iter().map(|planned| planned.plan.clone()).collect()
@@ -58,13 +58,13 @@ impl Shoot {
     }
 }
 
-/// Returns a plan whose lamps follow the light of its design.
+/// Returns a plan whose lamps are switched by the light of its design.
 fn as_lit(mut plan: Plan, light: &LightOptions) -> Plan {
     let (lit, commanded) = (plan.lit(), plan.commanded());
     let lamps: Vec<String> = plan.lamps().map(|(lamp, _)| lamp.clone()).collect();
     plan.edit(|plan| {
         for (channel, levels) in &mut plan.lights {
-            // A channel is either a lamp or one color of a lamp.
+            // A channel is either a lamp or one of a lamp's colors.
             if lamps.contains(channel) {
                 levels.clone_from(&lit)
             } else {
@@ -76,8 +76,8 @@ fn as_lit(mut plan: Plan, light: &LightOptions) -> Plan {
     with_color_channels(plan, light)
 }
 
-/// Extends the levels of a color over the strokes of a plan. Each row gets the level of the nearest
-/// row in its stroke with a command. Strokes without a command are not changed.
+/// Extends the levels of a color over the strokes of a plan. Each row takes the level of the
+/// nearest commanded row in the stroke. Strokes without a command are not changed.
 fn extend_color(levels: &mut [f64], lit: &[f64], commanded: &[f64]) {
     let mut end = 0;
     for stroke in lit.chunk_by(|a, b| (*a > 0.0) == (*b > 0.0)) {
@@ -98,7 +98,7 @@ mod tests {
     use crate::scene::{Preset, Scene};
     use noctograph_plan::StrokeEnd;
 
-    /// Compares the maximum error of the light at the ends of strokes, m, in simulated flights.
+    /// Compares the maximum errors of the light at the ends of strokes, m, in simulated flights.
     #[test]
     fn the_firmwares_pid_lights_an_exported_trajectory_where_it_is() {
         let shoot =

@@ -1,4 +1,4 @@
-//! Writes the photo to a file with camera, seed, version, flights and scene.
+//! Writes the photo to a file, with its camera, seed, version, flights and scene.
 
 use std::path::Path;
 
@@ -25,12 +25,11 @@ settings! {
 }
 
 impl Format {
-    /// Returns the format for a file name: OpenEXR for `*.exr`, PNG for `*.png` and for names
-    /// without an extension.
+    /// Returns the format for a file name: OpenEXR for `*.exr`, PNG for `*.png` and no extension.
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Input`] for another extension.
+    /// Returns [`Error::Input`] for any other extension.
     pub fn from_path(path: &Path) -> Result<Self> {
         let extension = ending(path);
         match &*extension {
@@ -44,13 +43,13 @@ impl Format {
         }
     }
 
-    /// Checks that a picture with this width and height can be encoded in memory.
+    /// Checks that a picture of this width and height can be encoded in memory.
     pub(super) fn check(self, [width, height]: [u32; 2]) -> Result<()> {
         let pixels = u64::from(width) * u64::from(height);
         if self == Self::Png || pixels <= MAX_READ_OUT {
             return Ok(());
         }
-        // Film, readout and file take 12 bytes per pixel each.
+        // Film, readout and file each take 12 bytes per pixel.
         let [gb, most_gb] = [pixels, MAX_READ_OUT].map(|pixels| 36.0 * pixels as f64 * 1e-9);
         Err(Error::infeasible(
             format!(
@@ -62,12 +61,11 @@ impl Format {
     }
 }
 
-/// Maximum size of a picture, in pixels, that is read out from the film and encoded in memory,
+/// Maximum number of pixels in a picture that is read out from the film and encoded in memory,
 /// which takes 0.9 GB.
 const MAX_READ_OUT: u64 = 24_000_000;
 
-/// Encodes a photo as a file. An 8-bit PNG contains the pixels of the photo. The other formats are
-/// read out from the film.
+/// Encodes a photo. An 8-bit PNG contains its pixels. Other formats are read out from the film.
 pub(super) fn encode(
     format: Format,
     scene: &Scene,
@@ -82,7 +80,7 @@ pub(super) fn encode(
         let metadata = Metadata { dots_per_inch, ..Metadata::new(camera, &photo.rgb8) };
         return Ok(photo::encode_png(photo, Some(&metadata), &notes));
     }
-    // Formats with more than 8 bits need the linear light of the film.
+    // Formats with more than 8 bits require the linear light of the film.
     let film = film.expect("kept for the formats that are read out");
     let readout = read_out(film, camera, &scene.expose, &scene.photo, scene.seed)?;
     let toml = scene.portable().to_toml();
@@ -96,16 +94,16 @@ pub(super) fn encode(
     Ok(readout.encode_png16(scene.photo.tone, (camera, dots_per_inch), &notes, Some(&toml)))
 }
 
-/// Metadata about the contents of a photo, in addition to its scene.
+/// Metadata about a photo's contents, in addition to its scene.
 pub(super) struct Shown {
     pub(super) flight_sha256: Option<String>,
     /// Digest of the strokes from a user's file.
     pub(super) strokes_sha256: Option<String>,
-    /// Log gaps that are dark in the photo.
+    /// Log gaps during which the photo is dark.
     pub(super) log_gaps: Vec<LogGap>,
 }
 
-/// Returns the texts in a photo's file, each with its keyword.
+/// Returns the text entries of a photo's file, each with its keyword.
 fn notes(seed: u64, camera: &Camera, shown: Shown) -> Vec<(&'static str, String)> {
     let Camera { focal_length_m, f_number, iso, shutter_open_s, shutter_close_s, .. } = camera;
     let camera = format!(
@@ -113,7 +111,7 @@ fn notes(seed: u64, camera: &Camera, shown: Shown) -> Vec<(&'static str, String)
          {shutter_close_s} s of the flight",
         focal_length_m * 1000.0
     );
-    // The notes contain neither time nor machine, so that the same scene makes the same file.
+    // The entries contain neither time nor machine, so that the same scene produces the same file.
     let mut notes = vec![
         ("Software", format!("noctograph {}", env!("CARGO_PKG_VERSION"))),
         ("noctograph.camera", camera),

@@ -1,4 +1,4 @@
-//! Infers letters and lights of a real flight's log from the flown word and the setpoints.
+//! Infers letters and lights for a real flight's log from the word and the setpoints.
 
 use std::path::Path;
 
@@ -11,9 +11,8 @@ use noctograph_logs::ImportOptions;
 use noctograph_plan::infer_lights;
 
 impl Shoot {
-    /// Prepares the photograph of a flight, a log or a light trace. Returns it with the log's
-    /// warnings. A log without lights gets the lights of the scene's word, or light from take-off
-    /// to landing.
+    /// Prepares the photograph of a flight, a log or a light trace, and returns it with the log's
+    /// warnings. A log without lights is lit by the scene's word, or from take-off to landing.
     ///
     /// # Errors
     ///
@@ -29,7 +28,7 @@ impl Shoot {
                 warnings.push(Diagnostic::warning("log", message));
             }
             if flight.lights.is_empty() {
-                // If the scene has no word, this is what the user asked for.
+                // Without a word in the scene, light throughout is what the user requested.
                 if scene.has_strokes() {
                     let message =
                         "lit throughout, because no setpoints show where the lights were on";
@@ -43,8 +42,9 @@ impl Shoot {
 }
 
 /// Adds the letters of the scene's word, if it has one, and their lights to a flight without
-/// lights. If the setpoints are not on the scene's letters, and these are a preset's, the letters
-/// of the other presets are tried. The scene gets the letters that fit, whose preset is returned.
+/// lights. If the setpoints do not follow the scene's letters, and these are a preset's, those of
+/// the other presets are tried. The scene is given the letters that fit, and their preset is
+/// returned.
 pub fn infer_lights_if_dark(flight: &mut Flight, scene: &mut Scene) -> Result<Option<Preset>> {
     // Lights can only be inferred from setpoints.
     let is_unlit = flight.lights.is_empty() && flight.has(Quantity::Design);
@@ -66,7 +66,7 @@ pub fn infer_lights_if_dark(flight: &mut Flight, scene: &mut Scene) -> Result<Op
     Err(error)
 }
 
-/// Switches on the writing lamps of a flight without letters from take-off to landing.
+/// Switches on the writing lamps from take-off to landing, for a flight without letters.
 pub fn light_while_airborne(flight: &mut Flight, scene: &Scene) {
     let in_air = airborne(flight).unwrap_or_default();
     let levels: Vec<f64> =

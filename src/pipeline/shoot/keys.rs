@@ -1,4 +1,4 @@
-//! Tests that every key of a scene has an effect, is refused, or is reported as having no effect.
+//! Tests that every key of a scene has an effect, is refused, or is reported to have none.
 
 use std::cell::OnceCell;
 
@@ -33,7 +33,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("camera.shutter_close_s", "nothing at the end of the flight"),
 ];
 
-/// A scene and its products or their errors, each of which is made when it is first needed.
+/// A scene and its products or errors, each of which is computed when first needed.
 struct Case {
     scene: Scene,
     shoot: OnceCell<Result<Shoot, String>>,
@@ -64,8 +64,8 @@ impl Case {
         self.shot.get_or_init(|| self.shoot()?.take(&|_, _| {}).map_err(|e| e.to_string()))
     }
 
-    /// Returns true if any product differs, or if only one of the two scenes fails. The cheapest
-    /// products are compared first.
+    /// Returns true if any product differs, or if only one of the two scenes fails. The products
+    /// that are quickest to compute are compared first.
     fn differs(&self, other: &Self) -> bool {
         self.scene.score != other.scene.score
             || is_changed(&self.shoot(), &other.shoot(), |a, b| a.plans != b.plans)
@@ -76,7 +76,7 @@ impl Case {
     }
 }
 
-/// Returns true if two products differ, or if only one of them could be made.
+/// Returns true if two products differ, or if only one of them can be computed.
 fn is_changed<T>(
     a: &Result<T, String>,
     b: &Result<T, String>,
@@ -88,7 +88,7 @@ fn is_changed<T>(
     }
 }
 
-/// Returns other values of a key, as TOML. The value that most probably has an effect comes first.
+/// Returns alternative values of a key, as TOML, with the one most likely to have an effect first.
 fn others(key: &str, setting: &Setting, value: Option<&Value>) -> Vec<String> {
     let number = |v: f64| {
         let [min, max] = setting.range.unwrap_or([v - v.abs() - 1.0, v + v.abs() + 1.0]);
@@ -105,7 +105,7 @@ fn others(key: &str, setting: &Setting, value: Option<&Value>) -> Vec<String> {
         ("floor.steps", ..) => {
             vec!["[{ x_m = [-9.0, 9.0], y_m = [-9.0, 9.0], height_m = 0.05 }]".into()]
         }
-        // Eight drones delay commands by more than a tick.
+        // With eight drones, commands are delayed by more than a tick.
         ("radio.drones", ..) => vec!["8".into()],
         ("sensors.lighthouse.silent", ..) => vec!["[[0.0, 0.0, 100.0]]".into()],
         ("sensors.heights", ..) => vec!["[\"barometer\"]".into()],
@@ -153,7 +153,7 @@ fn others(key: &str, setting: &Setting, value: Option<&Value>) -> Vec<String> {
     }
 }
 
-/// Calls `visit` for every key that the printed file of a scene contains.
+/// Calls `visit` for every key in the printed file of a scene.
 fn walk(
     path: &str,
     settings: &[Setting],
@@ -176,8 +176,8 @@ fn walk(
     }
 }
 
-/// Returns a message for each key that has no effect, is not refused and has no reason, and for
-/// each key that has an effect although a reason is given.
+/// Returns a message for each key that has no effect but is neither refused nor explained, and for
+/// each key that has an effect although a reason for having none is given.
 fn faults(settings: &[(&str, &str)]) -> Vec<String> {
     let small = [("camera.width_px", "320"), ("camera.height_px", "180"), ("word", "EO")];
     let settings: Vec<(&str, &str)> = small.iter().chain(settings).copied().collect();
@@ -191,7 +191,7 @@ fn faults(settings: &[(&str, &str)]) -> Vec<String> {
             return;
         }
         let others = others(key, setting, value);
-        // No flight is needed for scenes that are refused, or whose key has a reason.
+        // Scenes that are refused, or whose key has a reason, do not have to be flown.
         let (mut unused, mut refused, mut silent) = (0, 0, 0);
         for other in &others {
             match Case::new(&text, &[(key, other)]) {

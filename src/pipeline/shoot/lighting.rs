@@ -1,4 +1,4 @@
-//! Computes the light of all drones, and the camera that sees it.
+//! Computes the light of all drones, and the camera that records it.
 
 use super::metering::{Metered, metered, recommended};
 use super::problems;
@@ -17,33 +17,32 @@ use noctograph_picture::light::{
 /// Minimum distance between a lit lamp and the camera.
 const MIN_DISTANCE_M: f64 = 0.1;
 
-/// Flights, lamps and camera, ready to be exposed.
+/// Flights, lamps and camera, ready for exposure.
 #[derive(Clone, Debug)]
 pub struct Lighting {
     /// Flights that carried the lamps. Empty for recorded light.
     pub flights: Vec<Flight>,
-    /// Lamps of all drones. If there are several drones, each has its drone's number.
+    /// Lamps of all drones, each with the drone's number if there are several drones.
     pub trace: LightTrace,
-    /// Names of the lamps that follow the plans.
+    /// Names of the writing lamps.
     pub writing: Vec<String>,
-    /// The scene's camera with the settings of the light meter.
+    /// Scene's camera with the settings of the light meter.
     pub camera: Camera,
     /// Settings chosen by the light meter, if the scene is metered.
     pub metered: Option<Metered>,
-    /// Problems of the picture, with those that make the word unreadable first.
+    /// Problems of the picture, beginning with those that make the word unreadable.
     pub problems: Vec<Diagnostic>,
 }
 
 impl Lighting {
     /// Returns the aperture and sensitivity that the light meter recommends or, in a metered scene,
-    /// has set. Returns `None` if it is dark.
+    /// has set. Returns `None` without light.
     pub fn recommended(&self, scene: &Scene) -> Option<Metered> {
         self.metered.or_else(|| recommended(&self.trace, &self.camera, &scene.camera, &scene.photo))
     }
 }
 
-/// Returns the lamps of a scene. If the scene defines no colors of letters, the lamps write in the
-/// colors of the drawing.
+/// Returns the lamps in the colors of the drawing, unless the scene defines colors of letters.
 pub(super) fn in_drawing_colors(
     lamps: &LightOptions,
     scene: &Scene,
@@ -52,12 +51,12 @@ pub(super) fn in_drawing_colors(
     let mut lamps = lamps.clone();
     let Some(strokes) = strokes.filter(|_| lamps.letters_wrgb.is_empty()) else { return lamps };
     if strokes.colors.iter().any(|rgb| *rgb != [0; 3]) {
-        // With the firmware's correction, the steps of dim colors are too coarse for mixing.
+        // With the firmware's correction, the steps between dim colors are too coarse for mixing.
         lamps.color_led_levels = ColorLedLevels::Plain;
     }
     let by_ring = scene.plan.lights.iter().any(|lamp| lamp == RING.name);
     let colors = strokes.colors.iter().map(|rgb| match *rgb {
-        // A black lamp would be dark, so that black strokes get the lamp's default color.
+        // Black strokes are written in the lamp's default color, since a black lamp would be dark.
         [0, 0, 0] => lamps.color_led_wrgb,
         rgb if by_ring => {
             let [r, g, b] = ring_rgb(rgb);
@@ -70,8 +69,7 @@ pub(super) fn in_drawing_colors(
 }
 
 impl Shoot {
-    /// Returns the scene's lamps. The lamps write in the colors of the drawing, unless the scene
-    /// defines colors of letters.
+    /// Returns the scene's lamps, in the drawing's colors unless the scene defines letter colors.
     pub fn lamps(&self) -> LightOptions {
         in_drawing_colors(&self.scene.light, &self.scene, self.strokes.as_ref())
     }
@@ -89,12 +87,13 @@ impl Shoot {
         }
     }
 
-    /// Computes the light of recordings, one for each drone, and the camera for it.
+    /// Computes the light of recordings, one for each drone, and the camera for that light.
     pub(super) fn light(&self, recordings: Vec<Recording>) -> Result<Lighting> {
         let n_drones = recordings.len();
         let (mut flights, mut trace) = (Vec::new(), LightTrace::default());
         let (mut problems, mut end_s) = (Vec::new(), 0.0_f64);
-        // 1. The lamps of all drones, numbered if there are several, are combined in one trace.
+        // 1. The lamps of all drones, numbered if there are several drones, are combined in one
+        //    trace.
         for (drone, recording) in recordings.into_iter().enumerate() {
             let number = (n_drones > 1).then_some(DroneIndex(drone));
             let mut lamps = match recording {
@@ -126,7 +125,7 @@ impl Shoot {
         let mut camera = options.camera(bounds_m, end_s)?;
         let metered = metered(&trace, &mut camera, options, photo);
         check_camera_position(&trace, bounds_m, &camera, &options.framing)?;
-        // 3. The light in the camera's view is searched for problems, obstacles first.
+        // 3. The light in the camera's view is searched for problems, beginning with obstacles.
         let is_framed = matches!(options.framing, Framing::Word(_));
         problems.extend(problems::outside(&trace, bounds_m, &camera, is_framed));
         let lamps = problems::writing(&flights, &trace, &self.scene.light);
@@ -138,7 +137,7 @@ impl Shoot {
         Ok(Lighting { flights, trace, writing, camera, metered, problems })
     }
 
-    /// Returns the warnings of a simulated flight, the gaps of a log, and channels without a lamp.
+    /// Returns a simulated flight's warnings, a log's gaps, and the channels without a lamp.
     fn problems_of_flight(&self, flight: &Flight, number: Option<DroneIndex>) -> Vec<Diagnostic> {
         let is_simulated = !self.plans.is_empty();
         let warnings = flight.warnings.iter().filter(|_| is_simulated);
@@ -147,15 +146,14 @@ impl Shoot {
         warnings.chain(problems::log_gaps(flight)).chain(lampless).collect()
     }
 
-    /// Computes the light of one drone, counted from 0.
+    /// Computes the light of the drone with the given index.
     pub fn light_drone(&self, drone: usize, flight: &Flight) -> Result<LightTrace> {
         let lamps = self.actual.get(drone).map_or(&self.scene.light, |actual| &actual.light);
         let lamps = in_drawing_colors(lamps, &self.scene, self.strokes.as_ref());
         light(flight, &lamps, self.scene.seed, drone as u64)
     }
 
-    /// Returns warnings about strokes that the center lines of a typeface lack, and about parts
-    /// that are missing from a drawing.
+    /// Returns warnings about strokes missing from a typeface, and parts missing from a drawing.
     fn problems_of_strokes(&self) -> Vec<Diagnostic> {
         let Some(strokes) = &self.strokes else { return Vec::new() };
         let lost: String = strokes.lost.keys().collect();
@@ -164,9 +162,9 @@ impl Shoot {
         font.map(|font| problems::lost_strokes(font, &lost)).into_iter().chain(parts).collect()
     }
 
-    /// Returns `[left, bottom, right, top]` of the writing in the plane of the word. The box is
-    /// computed from the strokes, or else from the letters in the flights, or else from the light.
-    /// Returns zeros for a fixed camera without strokes and letters.
+    /// Returns `[left, bottom, right, top]` of the writing in the plane of the word. The box
+    /// encloses the strokes or, without strokes, the letters in the flights or, without letters,
+    /// the light. Returns zeros for a fixed camera without strokes and letters.
     fn bounds_m(&self, flights: &[Flight], trace: &LightTrace) -> Result<[f64; 4]> {
         if let Some(strokes) = &self.strokes {
             return Ok(strokes.bounds_m());
@@ -200,15 +198,15 @@ fn has_extent([left, bottom, right, top]: [f64; 4]) -> bool {
     left < right || bottom < top
 }
 
-/// Refuses a camera too close to a lit lamp, and a camera behind the word, from where it is
-/// mirrored.
+/// Returns an error for a camera too close to a lit lamp, and for a camera behind the word, which
+/// would appear mirrored.
 fn check_camera_position(
     trace: &LightTrace,
     [left, _, right, _]: [f64; 4],
     camera: &Camera,
     framing: &Framing,
 ) -> Result<()> {
-    // The keys that move the camera depend on the kind of its framing.
+    // Which keys move the camera depends on the kind of framing.
     let (key, hint) = match framing {
         Framing::Fixed(_) => (
             "camera.framing.position_m",

@@ -1,7 +1,7 @@
 //! The light meter, which sets aperture and sensitivity.
 //!
-//! A slower lamp makes a brighter trail, and a longer exposure makes a brighter room. Aperture and
-//! sensitivity change both by the same factor. The trail of a long flight is therefore exposed
+//! A slower lamp leaves a brighter trail, and a longer exposure makes the room brighter. Aperture
+//! and sensitivity change both by the same factor. Therefore the trail of a long flight is exposed
 //! less, to keep the room dark.
 
 use serde::Serialize;
@@ -12,25 +12,25 @@ use noctograph_picture::expose::meter::{color_stops, meter};
 use noctograph_picture::light::LightTrace;
 use noctograph_picture::photo::PhotoOptions;
 
-/// Nominal f-numbers in steps of a third of a stop. Few lenses are sharp below f/2.8, and
-/// diffraction blurs the picture above f/22.
+/// Nominal f-numbers in third-stop steps. Few lenses are sharp below f/2.8, and diffraction blurs
+/// the picture above f/22.
 const F_NUMBERS: [f64; 19] = [
     2.8, 3.2, 3.5, 4.0, 4.5, 5.0, 5.6, 6.3, 7.1, 8.0, 9.0, 10.0, 11.0, 13.0, 14.0, 16.0, 18.0,
     20.0, 22.0,
 ];
 
-/// Nominal ISO sensitivities in steps of a third of a stop. Values below 100 are for phone cameras.
+/// Nominal ISO sensitivities in third-stop steps. Values below 100 are for phone cameras.
 const ISOS: [f64; 19] = [
     50.0, 64.0, 80.0, 100.0, 125.0, 160.0, 200.0, 250.0, 320.0, 400.0, 500.0, 640.0, 800.0, 1000.0,
     1250.0, 1600.0, 2000.0, 2500.0, 3200.0,
 ];
 
-/// Width of the picture that is metered. In a smaller picture the pixels would blur a trail.
+/// Width of the metered picture. In a smaller picture the pixels would blur a trail.
 const WIDTH_PX: u32 = 1920;
-/// Stops by which a trail may be darker than wanted without a warning.
+/// Stops by which a trail may be darker than its target without a warning.
 const TOLERATED_STOPS: f64 = 1.0;
 
-/// The light meter's recommendation.
+/// Recommendation of the light meter.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Metered {
     /// Recommended f-number.
@@ -41,19 +41,19 @@ pub struct Metered {
     pub trail_stops: f64,
     /// Exposure of the room, in stops over saturation. `None` if the room is dark.
     pub room_stops: Option<f64>,
-    /// True if the trail is more than a stop darker than wanted, in order to keep the room dark.
+    /// True if the trail is more than a stop darker than its target, to keep the room dark.
     #[serde(rename = "gave_way")]
     pub keeps_room_dark: bool,
-    /// Strength, in whole stops, of the neutral filter that is needed in addition to the smallest
+    /// Strength, in whole stops, of the neutral filter that is required in addition to the smallest
     /// aperture and the lowest sensitivity.
     pub filter_stops: u32,
-    /// Maximum duration of a single exposure of the camera, if the shutter is open for longer, so
-    /// that the camera must combine several exposures.
+    /// Maximum duration of a single exposure, if the shutter is open for longer than the camera
+    /// allows, so that several exposures must be combined.
     pub longest_s: Option<f64>,
 }
 
 impl Metered {
-    /// Returns what a camera needs besides its settings, such as a filter, or `None`.
+    /// Returns what a camera requires in addition to its settings, such as a filter, or `None`.
     pub fn help(&self) -> Option<String> {
         let mode = self.longest_s.map(|s| {
             format!("use a night or light-trail mode: one exposure lasts {s:.0} s at most")
@@ -69,7 +69,7 @@ impl Metered {
 }
 
 /// Meters the light, and sets the camera's aperture and sensitivity. Returns `None` if the scene
-/// has no metering or if it is dark.
+/// has no metering, or without light.
 pub(super) fn metered(
     trace: &LightTrace,
     camera: &mut Camera,
@@ -85,8 +85,8 @@ pub(super) fn metered(
     Some(metered)
 }
 
-/// Meters the light by the targets of the scene's metering, or by the default targets if it has
-/// none. Returns `None` if it is dark.
+/// Meters the light against the targets of the scene's metering, or against default targets.
+/// Returns `None` without light.
 pub fn recommended(
     trace: &LightTrace,
     camera: &Camera,
@@ -110,7 +110,7 @@ pub fn recommended(
     let (stops, keeps_room_dark) =
         correction_stops(&targets, channel_stops, trail_stops, room_stops);
     let (f_number, iso) = settings(options, &camera, stops);
-    // The settings have steps and limits. A filter compensates if they expose too much.
+    // The settings have steps and limits. A filter compensates for the remaining overexposure.
     let opened_stops = 2.0 * libm::log2(camera.f_number / f_number);
     let excess_stops = opened_stops + libm::log2(iso / camera.iso) - stops;
     let set_stops = stops + excess_stops;
@@ -129,15 +129,15 @@ pub fn recommended(
 }
 
 /// Returns the stops by which the exposure must change to reach the targets, and true if the trail
-/// is darker than wanted to keep the room dark. `channel_stops` are those of the strongest channel
-/// of colored light and of white light.
+/// is darker than its target to keep the room dark. `channel_stops` contains the exposures of the
+/// strongest channel of colored light and of white light.
 fn correction_stops(
     targets: &TrailMetering,
     channel_stops: [Option<f64>; 2],
     trail_stops: f64,
     room_stops: Option<f64>,
 ) -> (f64, bool) {
-    // A clipped channel turns a color toward white, so that the strongest decides. White may clip.
+    // A clipped channel shifts a color toward white, so the strongest decides. White may clip.
     let (target_stops, metered_stops) = match channel_stops {
         [None, _] => (targets.trail_stops, trail_stops),
         [Some(color), Some(white)] if targets.trail_stops - white < targets.color_stops - color => {
@@ -145,7 +145,7 @@ fn correction_stops(
         }
         [Some(color), _] => (targets.color_stops, color),
     };
-    // The trail is exposed less to keep the room dark, but not less than the minimum for a trail.
+    // The trail is exposed less to keep the room dark, but not below the minimum for a trail.
     let wanted_stops = target_stops - metered_stops;
     let least_stops = targets.least_stops.min(target_stops) - metered_stops;
     let most_stops = room_stops.map_or(f64::INFINITY, |room_stops| targets.room_stops - room_stops);
@@ -153,8 +153,7 @@ fn correction_stops(
     (stops, stops < wanted_stops - TOLERATED_STOPS)
 }
 
-/// Returns the camera with which light is metered. The width, aperture and sensitivity of this
-/// camera are the same for every picture.
+/// Returns the camera for metering, whose width, aperture and sensitivity are always the same.
 fn reference_camera(camera: &Camera, options: &CameraOptions) -> Camera {
     let aspect = f64::from(camera.height_px) / f64::from(camera.width_px);
     #[expect(clippy::cast_possible_truncation, reason = "a side")]
@@ -164,10 +163,10 @@ fn reference_camera(camera: &Camera, options: &CameraOptions) -> Camera {
     Camera { f_number, iso, vignetting, width_px, height_px, ..camera.clone() }
 }
 
-/// Returns the f-number and the sensitivity that expose by `stops` more than `camera`, as closely
-/// as possible. The sensitivity compensates for what the aperture cannot provide.
+/// Returns the f-number and the sensitivity whose exposure is `stops` above that of `camera`, as
+/// closely as possible. The sensitivity compensates for what the aperture cannot provide.
 fn settings(options: &CameraOptions, camera: &Camera, stops: f64) -> (f64, f64) {
-    // The aperture of a phone is fixed, so that only the sensitivity can be set.
+    // The aperture of a phone is fixed, so only the sensitivity can be set.
     let min_f_number = options.lens.figures().min_f_number;
     let fixed = options.body.fixed_lens();
     let f_number = match &fixed {
@@ -195,10 +194,10 @@ mod tests {
     use noctograph_core::camera::{BodyModel, LensModel};
     use noctograph_picture::light::csv::read;
 
-    /// Intensity of a headlight, and of what it illuminates, from the side.
+    /// Luminous intensity of a headlight, and of the surfaces that it illuminates, from the side.
     const SIDE_CD: f64 = 0.09;
 
-    /// Returns the light of a lamp that passes for two seconds.
+    /// Returns the light of a lamp that moves past for two seconds.
     fn trail([r, g, b]: [f64; 3]) -> LightTrace {
         let mut csv = "t,x,y,z,r,g,b\n".to_owned();
         for i in 0..=200 {
@@ -208,7 +207,7 @@ mod tests {
         read(csv.as_bytes(), "a.csv").unwrap().product
     }
 
-    /// Meters a lamp of `candela` that passes for two seconds, in an exposure of `open_s`.
+    /// Meters a lamp of `candela` that moves past for two seconds, in an exposure of `open_s`.
     fn pass(
         candela: f64,
         open_s: f64,
@@ -236,14 +235,14 @@ mod tests {
         let long = pass(SIDE_CD, 300.0, |_| {}).1.unwrap();
         assert!(long.keeps_room_dark && long.f_number > short.f_number, "{long:?}");
         assert!((long.room_stops.unwrap() + 7.0).abs() < 0.25, "{long:?}");
-        // No room stays dark for an hour, so that the trail has priority.
+        // No room stays dark for an hour, so the trail takes precedence.
         let hour = pass(SIDE_CD, 3600.0, |_| {}).1.unwrap();
         assert!((hour.trail_stops + 1.0).abs() < 0.2, "{hour:?}");
     }
 
     #[test]
     fn a_colored_trail_is_metered_by_its_strongest_channel() {
-        // At luminance 1, red's strongest channel is 4.7 times as strong, or 2.2 stops.
+        // At luminance 1, the strongest channel of red is 4.7 times as strong, or 2.2 stops.
         fn of_color(rgb: [f64; 3]) -> f64 {
             let trace = trail(rgb);
             let options = CameraOptions {
@@ -284,7 +283,7 @@ mod tests {
         let faint = on_phone(4e-3, 2.0);
         assert!(faint.iso > 50.0 && (faint.trail_stops - 1.0).abs() < 0.2, "{faint:?}");
         assert_eq!(faint.help(), None);
-        // The filter that it asks for would make the exposure right.
+        // The recommended filter would correct the exposure.
         let bright = on_phone(0.5, 31.0);
         assert_eq!(bright.iso, 50.0);
         let filtered = bright.trail_stops - f64::from(bright.filter_stops);
@@ -292,7 +291,7 @@ mod tests {
         let help = bright.help().unwrap();
         assert!(help.contains("light-trail mode") && help.contains("30 s"), "{help}");
         assert!(help.contains(&format!("filter of {} stops", bright.filter_stops)), "{help}");
-        // A lens with an iris needs a filter only if f/22 is not small enough.
+        // A lens with an iris requires a filter only if f/22 is not small enough.
         assert_eq!(pass(SIDE_CD, 31.0, |_| {}).1.unwrap().help(), None);
         assert!(pass(1e3, 31.0, |_| {}).1.unwrap().filter_stops > 3);
     }

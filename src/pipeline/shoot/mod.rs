@@ -7,13 +7,13 @@
 //! 2. [`Shoot::take`] flies every plan, exposes the light of all drones on one film, develops it
 //!    and reads the word.
 //!
-//! [`Shoot::fly`] and [`Shoot::lighting`] stop earlier. A study varies the public fields.
+//! [`Shoot::fly`] and [`Shoot::lighting`] end earlier. A study varies the public fields.
 //!
 //! Independent work runs in parallel: the graphics device and the reader are prepared during the
 //! flight, and the photo is encoded while it is read.
 //!
-//! Drones that range to each other (estimator `cooperative`) or fly into each other's downwash are
-//! simulated together, and other drones one by one. Collisions are not modeled.
+//! Drones that measure ranges to each other (estimator `cooperative`) or enter each other's
+//! downwash are simulated together, and other drones one by one. Collisions are not modeled.
 
 use std::num::NonZero;
 use std::path::Path;
@@ -61,11 +61,10 @@ pub use problems::{CHECK_LIGHT, is_dark, writing};
 pub use response::step_responses;
 pub use shot::{Shot, WriteFile, flight_sha256, known};
 
-/// Maximum total duration of all plans, which allows a fleet of sixteen for 22 minutes. All pairs
-/// of plans are compared, and simulating an hour of flight takes seconds.
+/// Maximum total duration of all plans, enough for sixteen drones for 22 minutes. All pairs of
+/// plans are compared, and simulating an hour of flight takes seconds.
 const MAX_TOTAL_S: f64 = 21_600.0;
-/// Maximum total number of samples in recordings, at 250 bytes each. The maximum is over two hours
-/// at 100 Hz.
+/// Maximum total number of samples in recordings, 250 bytes each, or two hours at 100 Hz.
 const MAX_SAMPLES: usize = 800_000;
 
 /// A checked scene with its strokes and plans, ready to be flown and photographed.
@@ -77,34 +76,33 @@ pub struct Shoot {
     pub strokes: Option<Strokes>,
     /// Plans that are sent to the drones, one for each drone.
     pub plans: Vec<Planned>,
-    /// True if the plans were made from the scene, and are made again if the scene changes.
+    /// True if the plans were computed from the scene, and are recomputed when the scene changes.
     pub is_planned: bool,
-    /// Designs of plans that are exported trajectories ([`Self::as_exported`]). Empty if plans are
-    /// designs.
+    /// Designs of exported trajectories ([`Self::as_exported`]). Empty if the plans are designs.
     pub designs: Vec<Plan>,
     /// Recordings that replace simulated flights, one for each drone. Empty if the plans are flown.
     pub recordings: Vec<Recording>,
-    /// The drones that actually fly, in the plans' order. Empty if they are the scene's.
+    /// Actual drones, in the plans' order. Empty if they match the scene.
     pub actual: Vec<Actual>,
-    /// Seed of the room's errors (survey, stations). By default it is the scene's seed.
+    /// Seed of the room's errors (survey, stations). The default is the scene's seed.
     pub room_seed: Option<u64>,
-    /// Option that determines how the photo is read.
+    /// Extent to which the photo is read.
     pub judging: Judging,
-    /// Format in which the photo is encoded. `None` if it is not encoded.
+    /// Format of the encoded photo. `None` if it is not encoded.
     pub format: Option<Format>,
-    /// True if the shot keeps its film. Otherwise its memory is freed before the photo is read.
+    /// True if the shot keeps its film. Otherwise the film is freed before the photo is read.
     pub keeps_film: bool,
     /// Reader of the strokes. By default it is prepared during the flight.
     pub reader: Option<Arc<Reader>>,
     /// Backend that exposes the film.
     pub backend: BackendChoice,
-    /// Number of processor cores that expose the film. By default the backend chooses it.
+    /// Number of processor cores for exposing the film. By default the backend chooses it.
     pub cores: Option<NonZero<usize>>,
     /// Switch that stops [`Self::take`] between two stages.
     pub stop: Stop,
 }
 
-/// A switch with which another thread stops work. All clones have the same state.
+/// A switch by which another thread stops the work. All clones have the same state.
 #[derive(Clone, Debug, Default)]
 pub struct Stop(Arc<AtomicBool>);
 
@@ -124,7 +122,7 @@ impl Stop {
     }
 }
 
-/// A drone that flies, if it differs from the one that the scene describes.
+/// An actual drone that differs from the one in the scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Actual {
     /// Body, battery, air and sensors of the drone. Controller and estimator are the scene's.
@@ -138,7 +136,7 @@ pub struct Actual {
 pub enum Recording {
     /// A simulated or real flight, lit by the scene's lamps.
     Flight(Flight),
-    /// Lamps that move through the world.
+    /// Lamps that move in world coordinates.
     Light(LightTrace),
 }
 
@@ -162,8 +160,8 @@ impl Recording {
     }
 }
 
-/// Shifts the times of all flights by the same amount, so that the first flight begins at 0. If one
-/// of the recordings is a light trace, whose clock is that of the exposure, nothing is shifted.
+/// Shifts the times of all flights by the same amount, so that the first one begins at 0. Nothing
+/// is shifted if one of the recordings is a light trace, whose clock is that of the exposure.
 fn start_at_zero(recordings: &mut [Recording]) {
     let flights = recordings.iter_mut().map(|recording| match recording {
         Recording::Flight(flight) => Some(flight),
@@ -173,7 +171,7 @@ fn start_at_zero(recordings: &mut [Recording]) {
     let firsts = flights.iter().filter_map(|flight| flight.samples.first());
     let first_s = firsts.map(|sample| sample.time_s).reduce(f64::min).unwrap_or(0.0);
     for flight in flights.iter_mut().filter(|_| first_s != 0.0) {
-        // Gaps use the same clock. Differences of times on the grid are exact.
+        // Gaps use the same clock. Differences between times on the grid are exact.
         flight.edit(|flight| {
             let times_s = flight.samples.iter_mut().map(|sample| &mut sample.time_s);
             let ends_s = flight.gaps.as_flattened_mut().iter_mut();
@@ -182,7 +180,7 @@ fn start_at_zero(recordings: &mut [Recording]) {
     }
 }
 
-/// Determines how a photo is read.
+/// Extent to which a photo is read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Judging {
     /// The photo is read, and the verdict includes causes and advice.
@@ -194,7 +192,7 @@ pub enum Judging {
     Skipped,
 }
 
-/// A stage that takes long enough to report progress.
+/// A stage that takes long enough for its progress to be reported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     /// The drones fly.
@@ -203,7 +201,7 @@ pub enum Stage {
     Exposing,
 }
 
-/// Callback that receives a stage and the completed fraction of it, 0 to 1, from any thread.
+/// Callback that receives a stage and its completed fraction, 0 to 1, from any thread.
 pub type Watch<'a> = dyn Fn(Stage, f64) + Sync + 'a;
 
 impl Shoot {
@@ -217,7 +215,7 @@ impl Shoot {
         Self::of_strokes(scene, strokes, &|_| Ok(()))
     }
 
-    /// Plans strokes that were already drawn for the scene. The designs must pass `check`.
+    /// Plans strokes that have already been drawn for the scene. The designs must pass `check`.
     ///
     /// # Errors
     ///
@@ -249,7 +247,7 @@ impl Shoot {
         Ok(Self { scene, strokes, plans, keeps_film: true, ..Self::default() })
     }
 
-    /// Prepares the photograph of recorded flights or light, one for each drone, all with the same
+    /// Prepares the photograph of recorded flights or light, one for each drone, all on the same
     /// clock. The exposure begins with the first recording. Without a word, the photo is not read.
     pub fn with_recordings(scene: Scene, mut recordings: Vec<Recording>) -> Result<Self> {
         Self::check_recordings(&recordings)?;
@@ -257,15 +255,15 @@ impl Shoot {
         Ok(Self { recordings, ..Self::with_plans(scene, Vec::new())? })
     }
 
-    /// Checks that recordings do not have more samples than a picture may contain.
+    /// Checks that recordings do not contain too many samples for a picture.
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Input`] with the number of samples.
+    /// Returns [`Error::Input`] that states the number of samples.
     pub fn check_recordings(recordings: &[Recording]) -> Result<()> {
         let counts = recordings.iter().map(|recording| match recording {
             Recording::Flight(flight) => flight.samples.len(),
-            // A sample of light takes a fourth of the memory of a flight's sample.
+            // A sample of light takes a quarter of the memory of a flight's sample.
             Recording::Light(trace) => {
                 trace.lamps.iter().map(|lamp| lamp.samples.len()).sum::<usize>() / 4
             }
@@ -301,22 +299,22 @@ impl Shoot {
                 watch(Stage::Flying, mean_frac);
             })
         });
-        // All flights are collected first, so that the same drone's error is always reported.
+        // All flights are collected first, so that the first drone's error is always reported.
         let flights: Vec<Result<Flight>> = flights.collect();
         flights.into_iter().collect()
     }
 
-    /// Returns true if all drones are simulated together, because they range to each other or fly
-    /// through each other's downwash.
+    /// Returns true if all drones are simulated together, because they measure ranges to each other
+    /// or enter each other's downwash.
     pub(crate) fn is_one_simulation(&self) -> bool {
         self.plans.len() > 1
             && (self.scene.observer.kind == EstimatorKind::Cooperative
                 || !self.downwash_pairs().is_empty())
     }
 
-    /// Returns the pairs of drones, counted from 0, whose second drone is planned into the downwash
-    /// of the first. Each has its closest approach, at which the first drone is `vertical_m` above
-    /// the second. The list is empty without a downwash model.
+    /// Returns the pairs of drones whose second drone enters the downwash of the first according to
+    /// their plans. Drones are counted from 0. Each pair has its closest approach, at which the
+    /// first drone is `vertical_m` above the second. The list is empty without a downwash model.
     pub(crate) fn downwash_pairs(&self) -> Vec<([usize; 2], Approach)> {
         if self.scene.air.downwash == Downwash::None {
             return Vec::new();
@@ -331,8 +329,7 @@ impl Shoot {
         pairs.collect()
     }
 
-    /// Returns the simulated drone with the given index. `believed` is the drone that its
-    /// controller assumes.
+    /// Returns a simulated drone by index. `believed` is the drone that its controller assumes.
     fn drone<'a>(&'a self, drone: usize, believed: &'a SimOptions) -> Drone<'a> {
         let actual = self.actual.get(drone).map_or(believed, |actual| &actual.sim);
         let seed = self.scene.seed;
@@ -340,7 +337,7 @@ impl Shoot {
         Drone { believed, actual, seed, room_seed, index: drone as u64 }
     }
 
-    /// Simulates the flight of one drone, counted from 0, without the other drones.
+    /// Simulates the flight of one drone, given its index, without the other drones.
     ///
     /// # Panics
     ///
@@ -350,8 +347,7 @@ impl Shoot {
         fly(&self.plans[drone].plan, &self.drone(drone, &believed), progress)
     }
 
-    /// Begins a flight of the first plan in which a user's controller or estimator is called at
-    /// each step.
+    /// Begins a flight of the first plan that calls a user's controller or estimator at each step.
     ///
     /// # Panics
     ///
@@ -369,7 +365,7 @@ impl Shoot {
     /// camera behind the word, from where it appears mirrored. Returns [`Error::Infeasible`] for a
     /// camera too close to a lamp.
     pub fn take(self, watch: &Watch<'_>) -> Result<Shot> {
-        // The graphics device is prepared during the flight, because this takes long.
+        // The graphics device is prepared during the flight, because this takes time.
         let developer = Developer::start(match self.cores {
             Some(_) => BackendChoice::Cpu,
             None => self.backend,
@@ -377,13 +373,14 @@ impl Shoot {
         self.take_by(developer, watch)
     }
 
-    /// As [`Self::take`], on a backend that was started before, for example while files are read.
+    /// Works as [`Self::take`], on a backend that was started earlier, for example while files are
+    /// read.
     ///
     /// # Errors
     ///
     /// As [`Self::take`].
     pub fn take_by(mut self, developer: Developer, watch: &Watch<'_>) -> Result<Shot> {
-        // The reader, which takes long, gets ready during the flight.
+        // The reader is prepared during the flight, because this takes time.
         let recordings = std::mem::take(&mut self.recordings);
         let (recordings, reader) = rayon::join(
             || if recordings.is_empty() { self.record(watch) } else { Ok(recordings) },
@@ -404,8 +401,8 @@ impl Shoot {
     }
 
     /// Exposes recordings that may have grown since the last photograph on the same film. Only
-    /// their new light is drawn, on the processor. The photo is that of [`Self::take`], except that
-    /// it is not read.
+    /// their new light is drawn, on the processor. The photo equals that of [`Self::take`], but is
+    /// not read.
     ///
     /// # Errors
     ///
@@ -421,8 +418,7 @@ impl Shoot {
         Ok(self.fly(watch)?.into_iter().map(Recording::Flight).collect())
     }
 
-    /// Returns a reader of the strokes, or `None` if the photo is not read, or if its word cannot
-    /// be judged.
+    /// Returns a reader for the strokes, or `None` if the photo is not read or cannot be judged.
     fn reader(&self) -> Result<Option<Arc<Reader>>> {
         let word = self.strokes.as_ref().filter(|strokes| is_judged(strokes));
         let word = word.filter(|_| self.judging != Judging::Skipped);

@@ -1,8 +1,8 @@
-//! Shows how the photograph develops, by the film after each fraction of the exposure.
+//! Shows how the photograph develops, as the film after each fraction of the exposure.
 //!
-//! Light is additive, so that the film at each moment is the previous film plus the light since
-//! then. The film of a moment is developed like the complete film, but without the noise of the
-//! sensor, and with the room's light up to that moment.
+//! Light is additive, so the film at each moment is the previous film plus the light since then. It
+//! is developed like the complete film, but without the sensor's noise, and with the room's light
+//! up to that moment.
 
 use super::Shot;
 use crate::scene::Scene;
@@ -13,8 +13,8 @@ use noctograph_picture::light::{Lamp, LightTrace, LightTraceData};
 use noctograph_picture::photo::{Noise, Photo, PhotoOptions, develop, reflectance};
 
 impl Shot {
-    /// Develops the film, `width_px` wide, at `n` equally spaced moments, of which the last is the
-    /// end of the exposure. `each` receives the time of flight and the photo, in order.
+    /// Develops the film, `width_px` wide, at `n` equally spaced moments, the last of which is the
+    /// end of the exposure. Calls `each` with the time of flight and the photo, in order.
     ///
     /// # Errors
     ///
@@ -28,7 +28,7 @@ impl Shot {
         let camera = self.camera.at_width(width_px);
         let Scene { expose, photo, seed, .. } = &self.shoot.scene;
         let options = PhotoOptions { noise: Noise::Off, ..photo.clone() };
-        // Counts are half the size of those of the complete film, so that rounding cannot overflow.
+        // Counts are half those of the complete film, so that rounding cannot cause an overflow.
         let room = reflectance(&camera, &options)?;
         let complete = project(&self.trace, &camera, expose)?.reflected_by(room.clone());
         let scale_log2 = complete.scale_log2() + 1;
@@ -40,8 +40,8 @@ impl Shot {
         for moment in 1..=n {
             let duration_s = (end_s - shutter_open_s) * f64::from(moment) / f64::from(n);
             let shutter_close_s = shutter_open_s + duration_s;
-            // The lamps' light since the previous moment is added. Developing adds the room's light
-            // from the start of the exposure.
+            // The lamps' light since the previous moment is added. Development adds the room's
+            // light from the start of the exposure.
             let until = Camera { shutter_close_s, ..camera.clone() };
             let since = Camera { shutter_open_s: time_s, ..until.clone() };
             let trace = samples_between(&self.trace, time_s, shutter_close_s);
@@ -59,7 +59,7 @@ impl Shot {
     }
 }
 
-/// Returns the samples of lamps from `from_s` to `to_s`, with one sample before and one after.
+/// Returns the samples of lamps between `from_s` and `to_s`, and one sample before and after them.
 fn samples_between(trace: &LightTrace, from_s: f64, to_s: f64) -> LightTrace {
     let lamps = trace.lamps.iter().map(|lamp| {
         let first = lamp.samples.partition_point(|sample| sample.time_s < from_s);

@@ -1,4 +1,4 @@
-//! Makes the plans of a scene for its drone, its controller and its lamps.
+//! Computes the plans of a scene for its drone, its controller and its lamps.
 //!
 //! [`noctograph_plan`] does not depend on the simulator or the lamps. This module supplies the step
 //! responses of the loop, the simulated flight of a plan, and the delays of the lamps.
@@ -21,7 +21,7 @@ use noctograph_plan::{
 };
 use noctograph_sim::{Drone, fly};
 
-/// Function that accepts or refuses designs before their flights are simulated.
+/// Function that accepts or rejects designs before their flights are simulated.
 pub type DesignCheck<'a> = dyn Fn(&[Plan]) -> Result<()> + 'a;
 
 /// The plan of one drone.
@@ -33,8 +33,7 @@ pub struct Planned {
     pub ends: Vec<StrokeEnd>,
 }
 
-/// Plans the flights that write a drawing, one for each drone, by the scene's `[plan]`. The designs
-/// must pass `check`.
+/// Plans the flights for a drawing, one per drone, by `[plan]`. The designs must pass `check`.
 pub(super) fn plan(
     scene: &Scene,
     strokes: &Strokes,
@@ -66,13 +65,13 @@ pub(super) fn plan(
             LightClock::Light => aim(scene, &lamps, &plan, &rehearse(scene, &plan)?),
         }
     });
-    // All plans are collected first, so that the error reported is always that of the same drone.
+    // All plans are collected first, so that the error reported is always that of the first drone.
     let planned: Vec<Result<Planned>> = planned.collect();
     planned.into_iter().collect()
 }
 
 /// Returns the reference with which the drone follows a design: the design filtered by the inverse
-/// of the closed loop. Take-off, integrators and saturation are nonlinear, so that the reference is
+/// of the closed loop. Because take-off, integrators and saturation are nonlinear, the reference is
 /// corrected by the tracking error that remains in a simulated flight.
 fn leading_reference(scene: &Scene, design: Plan, responses: &[StepResponse; 3]) -> Result<Plan> {
     check_cost(&design, responses)?;
@@ -83,7 +82,7 @@ fn leading_reference(scene: &Scene, design: Plan, responses: &[StepResponse; 3])
         feedforward(&design, &inverse)
     };
     let mut flight = rehearse(scene, &reference)?;
-    // The mean error of real flights, which the simulation lacks, is corrected as well.
+    // The mean error of real flights, which the simulation does not contain, is also corrected.
     let mean_error_m = Vector3::from(scene.plan.mean_error_m);
     if mean_error_m != Vector3::zeros() {
         flight.edit(|flight| flight.samples.iter_mut().for_each(|s| s.position_m += mean_error_m));
@@ -96,7 +95,7 @@ pub(super) fn with_color_channels(mut plan: Plan, light: &LightOptions) -> Plan 
     if light.letters_wrgb.is_empty() {
         return plan;
     }
-    // Commands precede the light, so that a row has the color of the letter that it lights.
+    // Commands precede the light, so a row is given the color of the letter that it lights.
     let letters = noctograph_plan::light_letters(&plan);
     let lit: Vec<bool> = plan.commanded().iter().map(|level| *level > 0.0).collect();
     for (lamp, channels) in [(RING.name, RING.colors), (COLOR_LED.name, COLOR_LED.colors)] {
@@ -122,10 +121,10 @@ pub(super) fn with_color_channels(mut plan: Plan, light: &LightOptions) -> Plan 
     plan
 }
 
-/// Maximum number of multiplications to invert a loop, which take some seconds.
+/// Maximum number of multiplications for inverting a loop, which take a few seconds.
 const MAX_INVERSE: f64 = 4e9;
 
-/// Refuses a plan if inverting the loop for its setpoints would take minutes.
+/// Returns an error if inverting the loop for a plan's setpoints would take minutes.
 fn check_cost(plan: &Plan, responses: &[StepResponse; 3]) -> Result<()> {
     let n = plan.setpoints.len();
     let interval_s = plan.duration_s() / n.max(1) as f64;
@@ -144,10 +143,10 @@ fn check_cost(plan: &Plan, responses: &[StepResponse; 3]) -> Result<()> {
 }
 
 /// Simulates an undisturbed flight of a plan. The controller uses the drone's own filter if the
-/// stations see the whole flight. Otherwise the estimate would depend on chance, so that the true
-/// state is used.
+/// stations see the whole flight. Otherwise it uses the true state, because the estimate would be
+/// unpredictable.
 pub fn rehearse(scene: &Scene, plan: &Plan) -> Result<Flight> {
-    // The seed, which selects the sweeps that the Lighthouse deck drops, is always the same.
+    // The seed, which selects the sweeps that the Lighthouse deck drops, is fixed.
     let seed = 0;
     if let Some(options) = scene.sim().rehearsal_by_filter()
         && let Ok(flight) = fly(plan, &Drone::new(&options, seed), &mut |_| {})
@@ -158,7 +157,7 @@ pub fn rehearse(scene: &Scene, plan: &Plan) -> Result<Flight> {
     fly(plan, &Drone::new(&scene.sim().rehearsal(), seed), &mut |_| {})
 }
 
-/// Moves a plan's light commands so that the light begins and ends with the strokes of a simulated
+/// Moves a plan's light commands so that the light begins and ends with the strokes in a simulated
 /// or real flight of the plan.
 pub fn aim(scene: &Scene, lamps: &LightOptions, plan: &Plan, flight: &Flight) -> Result<Planned> {
     let between =
@@ -172,7 +171,7 @@ pub fn stroke_end_errors(scene: &Scene, plan: &Plan, flight: &Flight) -> Result<
     stroke_ends(plan, flight, &lamp_timing(&scene.light))
 }
 
-/// Returns the mean delay between a light command and the light.
+/// Returns the mean delays between light commands and the light.
 fn lamp_timing(options: &LightOptions) -> LampTiming {
     LampTiming {
         delay_s: options.radio_delay_s + 0.5 * options.radio_jitter_s,
@@ -206,8 +205,8 @@ mod tests {
         scene
     }
 
-    /// Returns the root mean square distance from the path in an undisturbed flight, and the worst
-    /// streak.
+    /// Returns the root mean square distance from the path in an undisturbed flight, and the
+    /// largest streak.
     fn flown(scene: &Scene) -> (f64, f64) {
         let planned = plan(scene, &noor()).unwrap().swap_remove(0);
         let flight = rehearse(scene, &planned.plan).unwrap();
@@ -234,13 +233,13 @@ mod tests {
         }
     }
 
-    /// A run of lit commands, which begins before its stroke and ends after it, has one color.
+    /// Checks that a run of lit commands, which encloses its stroke, has one color.
     #[test]
     fn no_stroke_ends_in_the_color_of_the_next() {
         for (lamp, channels) in [(RING.name, RING.colors), (COLOR_LED.name, COLOR_LED.colors)] {
             let mut scene = scene(PlanOptions::even(), ControllerKind::Pid);
             scene.plan.lights = vec![lamp.to_owned()];
-            // The drone is about 0.3 s behind the setpoints, and so is its light.
+            // The drone lags behind the setpoints by about 0.3 s, and so does its light.
             scene.plan.reference = ReferenceKind::Design;
             scene.light.letters_wrgb = vec![[0, 255, 0, 0], [0, 0, 255, 0], [0, 0, 0, 255]];
             let plan = plan(&scene, &noor()).unwrap().swap_remove(0).plan;
@@ -281,7 +280,7 @@ mod tests {
         }
     }
 
-    /// The filter's error that is caused by the drone's drag is the same in every flight.
+    /// Checks that the filter's error due to drag, the same in every flight, is compensated.
     #[test]
     fn a_rehearsal_by_the_drones_own_filter_leads_its_bias_away() {
         let [by_truth_m, by_filter_m] =
@@ -300,7 +299,7 @@ mod tests {
         assert!(by_filter_m < 0.6 * by_truth_m, "{by_truth_m} m, {by_filter_m} m");
     }
 
-    /// In still air, the remaining error is the drone's settling and changes of sensors' errors.
+    /// In still air, the remaining error comes from settling and from varying sensor errors.
     #[test]
     fn curves_close_within_a_centimeter() {
         for word in ["pool", "Quartz", "2027"] {

@@ -1,8 +1,8 @@
 //! Finds problems of a picture: obstacles, which make any word unreadable, and warnings.
 //!
 //! Obstacles come first: a shutter that misses the word, lamps that are dark or face away, a black
-//! or a white picture. Warnings follow, about the flights, gaps in logs, strokes that a font lacks,
-//! and strokes outside the picture.
+//! or a white picture. They are followed by warnings about the flights, gaps in logs, strokes
+//! missing from a font, and strokes outside the picture.
 
 use nalgebra::Vector3;
 
@@ -20,17 +20,17 @@ pub const OBSTACLES: [&str; 7] =
 /// Codes of other flaws of a picture.
 pub const FLAWS: [&str; 4] = ["log-gaps", "lost-strokes", "drawing-part", "outside"];
 
-/// Code of the obstacle that no writing lamp is lit while the shutter is open.
+/// Code of the obstacle "no writing lamp is lit while the shutter is open".
 pub const UNLIT: &str = "unlit";
-/// Code of the obstacle that the writing lamps face away from the camera, for the fraction
+/// Code of the obstacle "the writing lamps face away from the camera", with the fraction
 /// `away_frac` of their light.
 pub const FACES_AWAY: &str = "faces-away";
-/// Code of the obstacle that nothing is exposed.
+/// Code of the obstacle "nothing is exposed".
 pub const UNDEREXPOSED: &str = "underexposed";
-/// Code of the obstacle that a stage before the photo failed.
+/// Code of the obstacle "a stage before the photo failed".
 pub const NO_PICTURE: &str = "no-picture";
 
-/// Returns the diagnostic of an obstacle.
+/// Returns the diagnostic for an obstacle.
 fn obstacle(code: &'static str, message: String, help: &'static str) -> Diagnostic {
     Diagnostic::new(code, Severity::Stop, message).helped(help)
 }
@@ -41,7 +41,7 @@ pub fn no_picture(error: &Error) -> Diagnostic {
     obstacle(NO_PICTURE, error.to_string(), help)
 }
 
-/// Returns a warning that a typeface's center lines lack a stroke of `letters`.
+/// Returns a warning that strokes of `letters` are missing from a typeface's center lines.
 pub(super) fn lost_strokes(font: &str, letters: &str) -> Diagnostic {
     let message =
         format!("the center lines of {font} lack a stroke of {letters}, which may be misread");
@@ -54,33 +54,32 @@ pub(super) fn lost_strokes(font: &str, letters: &str) -> Diagnostic {
 pub const CHECK_LIGHT: &str = "name lamps that {light.deck} has in {plan.lights}: headlights, ring (with an \
      effect in {light.ring}) or color-led";
 
-/// Maximum fraction of a lamp's light that may face away from the camera, which allows for the end
-/// of a stroke.
+/// Maximum fraction of a lamp's light that may face away, enough for the end of a stroke.
 const MOST_AWAY_FRAC: f64 = 0.02;
 
-/// Maximum length of a continuous path, in cap heights, along which a lamp may face away. The check
-/// `lit transit` allows strokes that are too short by the same length, as are those of the ring low
-/// in tall letters.
+/// Maximum length, in cap heights, of a continuous path along which a lamp may face away. The check
+/// `lit transit` lets strokes be too short by the same length, as those of a ring low in tall
+/// letters.
 const LONGEST_AWAY_H: f64 = 0.1;
 
-/// Minimum intensity toward the camera that counts as light, as a fraction of that on the axis.
+/// Minimum intensity toward the camera that counts as light, as a fraction of the axial intensity.
 const TOWARD_FRAC: f64 = 0.02;
 
 /// Minimum difference in level between the brightest pixels and the median.
 const CONTRAST: usize = 10;
 
-/// Fraction of the pixels that counts as the brightest, small enough for a thin trail.
+/// Fraction of pixels that count as the brightest, small enough for a thin trail.
 const BRIGHTEST_FRAC: f64 = 0.000_2;
 
 /// Minimum level of a white pixel.
 const WHITE_LEVEL: u8 = 245;
-/// Maximum fraction of white pixels at which a trail can be visible.
+/// Maximum fraction of white pixels at which a trail may still be visible.
 const MOST_WHITE_FRAC: f64 = 0.5;
 
 /// Maximum number of log gaps that a message lists.
 const MAX_SPANS: usize = 5;
 
-/// Time by which the shutter may cut off the beginning and the end of a word.
+/// Time that the shutter may cut off at the beginning and the end of a word.
 const SLACK_S: f64 = 0.1;
 
 /// Returns true if a lamp's sample is lit while a camera's shutter is open.
@@ -88,8 +87,7 @@ pub(crate) fn is_exposed(sample: &LightSample, camera: &Camera) -> bool {
     sample.level > 0.0 && (camera.shutter_open_s..=camera.shutter_close_s).contains(&sample.time_s)
 }
 
-/// Returns the lamps that write: those that a channel of the flights drives or, if the flights have
-/// no channels, all lamps.
+/// Returns the writing lamps: those that the flights' channels drive, or all without channels.
 pub fn writing<'a>(
     flights: &[Flight],
     trace: &'a LightTrace,
@@ -98,7 +96,7 @@ pub fn writing<'a>(
     if flights.iter().all(|flight| flight.lights.is_empty()) {
         return trace.lamps.iter().collect();
     }
-    // Lamps have the names of their fixtures, and only fixtures that a channel drives are kept.
+    // Lamps are named after their fixtures, and only fixtures that a channel drives are kept.
     let mut fixtures = options.fixtures();
     fixtures.retain(|fixture| {
         let mut channels = flights.iter().flat_map(|flight| flight.lights.keys());
@@ -113,14 +111,14 @@ fn drives(channel: &str, lamp: &str) -> bool {
     channel.strip_prefix(lamp).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
 }
 
-/// Returns the obstacles that can be found in flights, lamps and camera without a photo.
+/// Returns the obstacles that flights, lamps and camera reveal without a photo.
 pub(super) fn before_photo(
     flights: &[Flight],
     lamps: &[&Lamp],
     camera: &Camera,
     cap_height_m: f64,
 ) -> Vec<Diagnostic> {
-    // The word takes from the first to the last lettered sample of all drones.
+    // The word lasts from the first to the last lettered sample of all drones.
     let written = flights.iter().flat_map(|flight| &flight.samples);
     let written = written.filter(|sample| sample.letter.is_some()).map(|sample| sample.time_s);
     let [first_s, last_s] =
@@ -144,10 +142,10 @@ pub(super) fn before_photo(
     problems
 }
 
-/// Returns the obstacle of lamps that are never lit while the shutter is open, or that face away
-/// from the camera. Returns `None` if one of the lamps can be seen.
+/// Returns an obstacle if the lamps are never lit while the shutter is open, or if they face away
+/// from the camera. Returns `None` if one of the lamps is visible.
 fn unlit_or_away(lamps: &[&Lamp], camera: &Camera, cap_height_m: f64) -> Option<Diagnostic> {
-    // One visible lamp is sufficient, so that the lamp that faces away the least decides.
+    // One visible lamp is sufficient, so the lamp that faces away the least decides.
     let away = lamps.iter().filter_map(|lamp| facing_away(lamp, camera));
     let Some((away_frac, longest_m)) = away.min_by(|a, b| a.0.total_cmp(&b.0)) else {
         let message = "no lamp that writes is lit while the shutter is open".to_owned();
@@ -165,7 +163,7 @@ fn unlit_or_away(lamps: &[&Lamp], camera: &Camera, cap_height_m: f64) -> Option<
 }
 
 /// Returns the fraction of a lamp's light that faces away from a camera, and the length of the
-/// longest continuous path along which it does. Returns `None` for a lamp that is not lit.
+/// longest continuous path along which it does. Returns `None` for an unlit lamp.
 fn facing_away(lamp: &Lamp, camera: &Camera) -> Option<(f64, f64)> {
     let (mut n_lit, mut n_away, mut path_m, mut longest_m) = (0_u32, 0_u32, 0.0, 0.0_f64);
     let mut previous_m: Option<Vector3<f64>> = None;
@@ -190,15 +188,15 @@ pub fn is_dark(photo: &Photo, camera: &Camera) -> bool {
     exposure_obstacle(photo, camera).is_some_and(|problem| problem.code == UNDEREXPOSED)
 }
 
-/// Returns the obstacle of a photo without a visible trail, which is overexposed or underexposed.
-/// Returns `None` if a trail can be seen.
+/// Returns the obstacle for a photo without a visible trail, which is overexposed or underexposed.
+/// Returns `None` if a trail is visible.
 pub(super) fn exposure_obstacle(photo: &Photo, camera: &Camera) -> Option<Diagnostic> {
     let pixels = photo.rgb8.as_chunks::<3>().0;
     let mut counts = [0_usize; 256];
     for &[r, g, b] in pixels {
         counts[usize::from(r.max(g).max(b))] += 1;
     }
-    // The fraction of pixels at or above each level is the cumulative histogram from white.
+    // The fraction of pixels at or above each level is accumulated from white downward.
     let (mut at_least_frac, mut n_at_least) = ([0.0; 256], 0);
     for level in (0..256).rev() {
         n_at_least += counts[level];
@@ -214,7 +212,8 @@ pub(super) fn exposure_obstacle(photo: &Photo, camera: &Camera) -> Option<Diagno
                     ({photo.ambient_cd_m2})";
         return Some(obstacle("overexposed", message, help).with("white_frac", white_frac));
     }
-    // `brightest` and `median` are the levels that the brightest and half of all pixels reach.
+    // `brightest` and `median` are the levels that the brightest pixels and half of all pixels
+    // reach, respectively.
     let [brightest, median] = [BRIGHTEST_FRAC, 0.5]
         .map(|frac| (0..256).rev().find(|level| at_least_frac[*level] >= frac).unwrap_or(0));
     let help = "raise {camera.iso} or lower {camera.f_number} (see `meter`)";
@@ -224,8 +223,8 @@ pub(super) fn exposure_obstacle(photo: &Photo, camera: &Camera) -> Option<Diagno
     })
 }
 
-/// Returns a warning about lit channels of a flight for which the scene has no lamp. Returns `None`
-/// if all channels have one, or none has.
+/// Returns a warning about a flight's lit channels for which the scene has no lamp. Returns `None`
+/// if every channel has a lamp, or none has.
 pub(super) fn lampless(flight: &Flight, lamps: &LightOptions) -> Option<Diagnostic> {
     let fixtures = lamps.fixtures();
     let lit = flight.lights.iter().filter(|(_, levels)| levels.iter().any(|level| *level > 0.0));
@@ -241,7 +240,7 @@ pub(super) fn lampless(flight: &Flight, lamps: &LightOptions) -> Option<Diagnost
     })
 }
 
-/// Returns a warning about log gaps that a smooth path bridges, and about gaps that break trails.
+/// Returns warnings about log gaps bridged by a smooth path, and about gaps that break trails.
 pub(super) fn log_gaps(flight: &Flight) -> impl Iterator<Item = Diagnostic> {
     let (bridged, open): (Vec<Gap>, Vec<Gap>) = gaps(flight).into_iter().partition(Gap::is_bridged);
     let most_m = bridged.iter().map(|gap| gap.uncertainty_m).fold(0.0, f64::max);
@@ -259,8 +258,8 @@ pub(super) fn log_gaps(flight: &Flight) -> impl Iterator<Item = Diagnostic> {
     })
 }
 
-/// Returns warnings about a word and about light that are partly outside the picture. `is_framed`
-/// is true for a camera that frames the word.
+/// Returns warnings about a word and about light partly outside the picture. `is_framed` is true
+/// for a camera that frames the word.
 pub(super) fn outside(
     trace: &LightTrace,
     [left, bottom, right, top]: [f64; 4],
@@ -271,7 +270,7 @@ pub(super) fn outside(
     let word = corners.map(Vector3::from).into_iter().filter(|_| left < right);
     let samples = trace.lamps.iter().flat_map(|lamp| &lamp.samples);
     let light = samples.filter(|s| is_exposed(s, camera)).map(|sample| sample.position_m);
-    // A framed word is inside the picture, so that light outside is probably at a wrong position.
+    // A framed word is inside the picture, so light outside it is probably misplaced.
     let margin = "{camera.framing.fill_frac} sets the margin";
     let place = "{camera.framing.fill_frac} sets the margin around the word; is the flight in \
                  meters, with z up, and at the word's place?";
@@ -292,7 +291,7 @@ mod tests {
     use noctograph_core::flight::DroneIndex;
     use noctograph_picture::light::{Deck, Emitter, LightSample, LightTraceData};
 
-    /// Checks that the advice about dark lamps and the page list every deck.
+    /// Checks that the advice about dark lamps and the docs page list every deck.
     #[test]
     fn what_lists_the_decks_lists_all_of_them() {
         let page = include_str!("../../serve/page/wish.js");

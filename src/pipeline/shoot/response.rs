@@ -1,8 +1,8 @@
 //! Measures the step response of the closed loop.
 //!
 //! The response is the difference between two simulated flights, with and without a small step of
-//! the setpoint. Offsets and noise common to both cancel, and the linear response of controller,
-//! observer, rotors and sampling remains.
+//! the setpoint. Offsets and noise common to both cancel, which leaves the linear response of
+//! controller, observer, rotors and sampling.
 
 use nalgebra::Vector3;
 
@@ -13,14 +13,14 @@ use noctograph_plan::response::StepResponse;
 use noctograph_plan::{Plan, Setpoint};
 use noctograph_sim::{Drone, SimOptions, fly};
 
-/// Size of the step. The step is small enough for the drone to stay linear (1.5° of tilt with the
+/// Size of the step. It is small enough for the drone to remain linear (1.5° of tilt with the
 /// reference gains), and large compared with a micrometer, the grid of a flight's positions.
 const STEP_M: f64 = 0.05;
-/// Time for the drone to come to rest before the step. Loops settle in two to four seconds.
+/// Time before the step, in which the drone comes to rest. Loops settle in two to four seconds.
 const BEFORE_S: f64 = 4.0;
 /// Duration of the response.
 const AFTER_S: f64 = 6.0;
-/// Height at which the floor has no effect on the drone.
+/// Height at which the floor does not affect the drone.
 const HEIGHT_M: f64 = 1.5;
 /// Maximum error after the response, as a fraction of the step.
 const MAX_ERROR_FRAC: f64 = 0.05;
@@ -29,13 +29,12 @@ const MAX_ERROR_FRAC: f64 = 0.05;
 ///
 /// # Errors
 ///
-/// Returns the errors of [`fly`], and [`Error::Infeasible`] for a loop that has not reached the
-/// setpoint after six seconds.
+/// Returns the errors of [`fly`], and [`Error::Infeasible`] if the loop does not settle in 6 s.
 pub fn step_responses(options: &SimOptions) -> Result<[StepResponse; 3]> {
     let options = options.rehearsal();
     let (still, stepped) = rayon::join(|| fly_step(&options, 0.0), || fly_step(&options, STEP_M));
     let (still, stepped) = (still?, stepped?);
-    // The response is a fraction of the step.
+    // The response is normalized by the size of the step.
     let pairs = still.samples.iter().zip(&stepped.samples);
     let response: Vec<Vector3<f64>> = pairs
         .filter(|(still, _)| still.time_s >= BEFORE_S)
@@ -57,7 +56,7 @@ pub fn step_responses(options: &SimOptions) -> Result<[StepResponse; 3]> {
     }))
 }
 
-/// Simulates the flight of a drone that hovers, and whose setpoint steps along all axes at once.
+/// Simulates a hovering drone whose setpoint steps along all axes at once.
 fn fly_step(options: &SimOptions, step_m: f64) -> Result<Flight> {
     let times_and_steps = [(0.0, 0.0), (BEFORE_S, step_m), (BEFORE_S + AFTER_S, step_m)];
     let setpoints = times_and_steps.map(|(time_s, step_m)| Setpoint {

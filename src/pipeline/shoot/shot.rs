@@ -1,4 +1,4 @@
-//! The photograph with all intermediate products.
+//! A photograph with all intermediate products.
 
 use std::io::Write;
 use std::sync::OnceLock;
@@ -44,9 +44,9 @@ pub struct Shot {
     /// Verdict of the reader. `None` if reading is skipped, for a drawing, and for a word in
     /// letters that the reader does not know.
     pub verdict: Option<Verdict>,
-    /// The reader's marks in the picture, if faults were searched for ([`Judging::Explained`]).
+    /// Marks of the reader in the picture, if faults were searched for ([`Judging::Explained`]).
     pub marks: Option<Marks>,
-    /// Problems of flights and picture, with those that make any word unreadable first.
+    /// Problems of flights and picture, beginning with those that make any word unreadable.
     pub problems: Vec<Diagnostic>,
     digests: OnceLock<Vec<String>>,
     tracking: OnceLock<Vec<Option<Tracking>>>,
@@ -68,10 +68,9 @@ impl Shot {
         joined(self.digests())
     }
 
-    /// Calls `put` with the name and the contents of each file: the photo (PNG), and the flight and
-    /// the plan of each drone, numbered if there are several. `put` writes a file and returns its
-    /// SHA-256. Returns the names and digests of flights and plans, which belong in the scene next
-    /// to them.
+    /// Calls `put` with the name and the contents of each file: the photo (PNG), and each drone's
+    /// flight and plan, numbered if there are several drones. `put` writes a file and returns its
+    /// SHA-256. Returns the names and digests of flights and plans, for the scene next to them.
     ///
     /// # Errors
     ///
@@ -157,7 +156,7 @@ impl Shoot {
             },
         );
         let ((mut verdict, marks), file) = (read?, file?);
-        // 3. Obstacles affect the verdict on the letters.
+        // 3. Obstacles are taken into account in the verdict on the letters.
         add_exposure_problem(exposed, &mut problems, verdict.as_mut());
         Ok(Shot {
             film: film.filter(|_| self.keeps_film),
@@ -189,7 +188,8 @@ impl Shoot {
         known_digests: &OnceLock<Vec<String>>,
     ) -> Result<Option<Vec<u8>>> {
         let Some(format) = self.format else { return Ok(None) };
-        // The scene does not contain the strokes of a user's file, but the photo has their digest.
+        // The scene does not contain the strokes of a user's file, so the photo states their
+        // digest.
         let from_file = self.scene.letters.files().next().is_some();
         let strokes = self.strokes.as_ref().filter(|_| from_file);
         let shown = Shown {
@@ -222,31 +222,30 @@ impl Shoot {
     }
 }
 
-/// Adds the exposure problem, if there is one, and updates the verdict to account for all problems
-/// that are obstacles.
+/// Adds the exposure problem, if there is one, and updates the verdict for all obstacles.
 fn add_exposure_problem(
     exposed: Option<Diagnostic>,
     problems: &mut Vec<Diagnostic>,
     mut verdict: Option<&mut Verdict>,
 ) {
     if let Some(exposed) = exposed {
-        // The reader amplifies faint light, and may then find letters in noise.
+        // The reader amplifies faint light, and may find letters in noise.
         let is_dark = exposed.code == UNDEREXPOSED;
         if let Some(verdict) = verdict.as_mut().filter(|_| is_dark) {
             verdict.refuse(Reason::NoLight);
         }
-        // An obstacle found earlier causes the missing trail, so that it stays first.
+        // An obstacle found earlier explains the missing trail, and therefore stays first.
         let is_hidden = problems.first().is_some_and(Diagnostic::is_stop);
         problems.insert(usize::from(is_hidden), exposed);
     }
     let is_hidden = problems.first().is_some_and(Diagnostic::is_stop);
     if let Some(verdict) = verdict.filter(|verdict| !verdict.legible && is_hidden) {
-        // Advice about letters is of no use against an obstacle.
+        // Advice about letters does not help against an obstacle.
         verdict.advice.clear();
     }
 }
 
-/// Returns facts from flights that help to explain their photo: speed along the strokes, distance
+/// Returns facts about flights that help to explain their photo: speed along the strokes, distance
 /// from the path and lag (means over the drones), and the gaps in logs.
 pub fn known(flights: &[Flight], plan: &PlanOptions) -> Known {
     known_of(flights, &tracking(flights), plan)
@@ -269,14 +268,14 @@ fn mean(values: impl ExactSizeIterator<Item = f64>) -> Option<f64> {
     (n > 0).then(|| values.sum::<f64>() / n as f64)
 }
 
-/// Maximum number of log gaps in a photo's file. The reference flight has three.
+/// Maximum number of log gaps listed in a photo's file. The reference flight has three.
 const MAX_LOG_GAPS: usize = 1000;
 
-/// Returns the gaps in a real flight's log that are dark in its photo.
+/// Returns the gaps in a real flight's log during which its photo is dark.
 fn log_gaps(flight: &Flight) -> Vec<LogGap> {
     let mut gaps = Vec::new();
     for (Gap { span_s, .. }, way_m) in dark(flight) {
-        // The ends are the positions at the beginning and the end of the gap.
+        // The positions are those at the start and the end of the gap.
         let ends_m = span_s.map(|time_s| {
             let row = flight.samples.partition_point(|sample| sample.time_s < time_s);
             flight.samples.get(row).map(|sample| [sample.position_m.x, sample.position_m.z])

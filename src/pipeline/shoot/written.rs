@@ -1,7 +1,7 @@
-//! Fits a scene's letters to plans.
+//! Adapts a scene's letters to given plans.
 //!
-//! In: a scene, its strokes, and plans. Out: the scene and its strokes with the size and the
-//! baseline of the plans, for camera and checks.
+//! Products in: a scene, its strokes, and plans. Products out: the scene and its strokes with the
+//! size and baseline of the plans, for the camera and the checks.
 
 use crate::scene::Scene;
 use noctograph_core::error::Result;
@@ -9,13 +9,13 @@ use noctograph_core::geometry::bounds;
 use noctograph_letters::{LetterOptions, Strokes};
 use noctograph_plan::Plan;
 
-/// Minimum change of size, as a fraction, at which the scene's word is rescaled to the plans.
+/// Minimum relative change of size at which the scene's word is rescaled to the plans.
 const OTHER_SIZE: f64 = 0.02;
-/// Maximum error of the shorter side for equal words, as a fraction of the longer side.
+/// Maximum error of the shorter side, as a fraction of the longer one, for words to count as equal.
 const SAME_SHAPE: f64 = 0.05;
 
-/// Returns the scene and its strokes with the size and the baseline of plans of the same word,
-/// which may have been fitted to a room. Plans of another word change nothing.
+/// Returns the scene and its strokes with the size and baseline of plans for the same word, which
+/// may have been fitted to a room. Plans for a different word change nothing.
 pub(super) fn fit_to_plans(
     mut scene: Scene,
     strokes: Option<Strokes>,
@@ -24,14 +24,14 @@ pub(super) fn fit_to_plans(
     let Some(word_m) = strokes.as_ref().map(|strokes| strokes.bounds_m()) else {
         return Ok((scene, strokes));
     };
-    // The box contains the light in all plans.
+    // The box encloses the light of all plans.
     let mut lit_m = Vec::new();
     for plan in plans {
         let lit = plan.setpoints.windows(2).zip(plan.lit()).filter(|(_, level)| *level > 0.0);
         lit_m.extend(lit.flat_map(|(pair, _)| [pair[0].position_m, pair[1].position_m]));
     }
     let plan_m = bounds(lit_m.into_iter().map(|point_m| [point_m.x, point_m.z]));
-    // The longer side determines the scale. If the other disagrees, the plans are of another word.
+    // The longer side determines the scale. If the other side disagrees, the word is different.
     let [[width_m, height_m], [plan_width_m, plan_height_m]] =
         [word_m, plan_m].map(|[left, bottom, right, top]| [right - left, top - bottom]);
     let (size_m, scale) = if width_m > height_m {

@@ -1,4 +1,4 @@
-//! Aligns the clocks of two flights by their designs.
+//! Aligns the clocks of two flights by comparing their designs.
 
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::Flight;
@@ -6,20 +6,20 @@ use noctograph_plan::tracking::{DesignPath, minimize, spread_m2};
 
 /// Time step of the comparison: the shortest interval at which setpoints usually arrive by radio.
 const STEP_S: f64 = 0.02;
-/// Maximum time between the designs' first moves after alignment, for lost packets and waiting.
+/// Maximum time between the designs' first moves after alignment, due to lost packets and waiting.
 const MAX_APART_S: f64 = 3.0;
-/// Maximum mean square difference (m² per axis) of designs whose clocks are equal, given that files
-/// are rounded to 1e-6 m.
+/// Mean square difference (m² per axis) below which the designs' clocks count as equal. Files are
+/// rounded to 1e-6 m.
 const EQUAL_M2: f64 = 1e-11;
 
-/// Returns the time to add to B's timestamps at which its design agrees best with A's, apart from a
+/// Returns the time to add to B's timestamps at which its design best matches A's, except for a
 /// constant offset in position. Returns 0 if the clocks agree already.
 pub(super) fn offset_s(a: &Flight, b: &Flight) -> Result<f64> {
     let [a, b] = [design(a, "flight A")?, design(b, "flight B")?];
     if difference_m2(&a, &b, 0.0) < EQUAL_M2 {
         return Ok(0.0);
     }
-    // The offset with the least mean square difference is near the one at which the first moves
+    // The minimum of the mean square difference is near the offset at which the first moves
     // coincide. The coarse search uses the same cost as the fine one, because [`STEP_S`] already
     // limits the number of samples.
     let about_s = a.first_move_s() - b.first_move_s();
@@ -27,7 +27,7 @@ pub(super) fn offset_s(a: &Flight, b: &Flight) -> Result<f64> {
     Ok(minimize(range_s, |s| difference_m2(&a, &b, s)))
 }
 
-/// Returns a flight's design. Refuses a flight that has none.
+/// Returns a flight's design. Returns an error if the flight lacks one.
 fn design(flight: &Flight, name: &str) -> Result<DesignPath> {
     DesignPath::new(flight).ok_or_else(|| {
         let hint = "state the offset of B's clock, or 0 to leave it as it is";
@@ -36,8 +36,8 @@ fn design(flight: &Flight, name: &str) -> Result<DesignPath> {
     })
 }
 
-/// Returns the variance of the difference between two designs over the time that either covers,
-/// with `offset_s` added to B's clock. A design rests before its start and after its end.
+/// Returns the variance of the difference between two designs over the time covered by either, with
+/// `offset_s` added to B's clock. A design rests before its start and after its end.
 fn difference_m2(a: &DesignPath, b: &DesignPath, offset_s: f64) -> f64 {
     let ([a0, a1], [b0, b1]) = (a.span_s(), b.span_s().map(|t| t + offset_s));
     let (from_s, to_s) = (a0.min(b0), a1.max(b1));

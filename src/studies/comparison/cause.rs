@@ -5,29 +5,28 @@ use nalgebra::Vector3;
 use super::{FlightSample, mean};
 use noctograph_plan::tracking::{DesignPath, MAX_LAG_S, minimize, spread_m2};
 
-/// Time over which noise averages out but an error of the path does not, because a stroke of 0.1 m
-/// takes this long.
+/// Averaging time for noise. A path error remains, because a 0.1 m stroke takes this long.
 const SMOOTH_S: f64 = 0.5;
 
-/// Maximum scale error of a positioning system. If the difference is larger, B flies another path.
+/// Maximum scale error of a positioning system. A larger value means that B flies a different path.
 const MAX_SCALE: f64 = 0.5;
 
 /// A cause of the difference of flight B from flight A, with its amount.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Discrepancy {
-    /// B is later than A by this time, s.
+    /// Delay of B relative to A, s.
     Lag(f64),
-    /// B is displaced from A by this distance, m.
+    /// Displacement of B from A, m.
     Offset(Vector3<f64>),
-    /// B is larger than A by this fraction, about the center of both.
+    /// Fraction by which B is larger than A, about their common center.
     Scale(f64),
-    /// B departs slowly from A's path by this root mean square distance, m.
+    /// Root mean square of B's slow deviation from A's path, m.
     Path(f64),
-    /// B oscillates about its path with this root mean square amplitude, m.
+    /// Root mean square amplitude of B's fast oscillation about its path, m.
     Noise(f64),
 }
 
-/// Returns the cause that on its own explains the largest fraction of the mean square distance, and
+/// Returns the single cause that explains the largest fraction of the mean square distance, and
 /// that fraction. Returns `None` if the flights do not differ.
 pub(super) fn main_cause(pairs: &[[FlightSample; 2]]) -> Option<(Discrepancy, f64)> {
     let differences: Vec<_> = pairs.iter().map(|[a, b]| b.position_m - a.position_m).collect();
@@ -35,8 +34,8 @@ pub(super) fn main_cause(pairs: &[[FlightSample; 2]]) -> Option<(Discrepancy, f6
     if total == 0.0 {
         return None;
     }
-    // The offset is the mean difference. The scale is fitted to the remaining differences, given
-    // A's distances from its center.
+    // The offset is the mean difference. The scale is fitted to the remaining differences as a
+    // function of A's distance from its center.
     let middle = mean(pairs.iter().map(|[a, _]| a.position_m));
     let from_middle: Vec<_> = pairs.iter().map(|[a, _]| a.position_m - middle).collect();
     let offset = mean(differences.iter().copied());
@@ -44,7 +43,7 @@ pub(super) fn main_cause(pairs: &[[FlightSample; 2]]) -> Option<(Discrepancy, f6
     let (lag_s, moved) = lag(pairs);
     let scale =
         Some(fit(&centered, &from_middle)).filter(|by| by.abs() <= MAX_SCALE).unwrap_or(0.0);
-    // Of the residuals of offset, lag and scale, the slow part is the path, the fast part noise.
+    // After offset, lag and scale, the slow residual is the path error, and the fast one is noise.
     let mean_moved = mean(moved.iter().copied());
     let parts = centered.iter().zip(moved.iter().zip(&from_middle));
     let residuals: Vec<_> =
@@ -68,7 +67,7 @@ fn power(vectors: &[Vector3<f64>]) -> f64 {
     mean(vectors.iter().map(|v| v.component_mul(v))).sum()
 }
 
-/// Returns the factor by which `along` comes closest to `vectors` in the least-squares sense.
+/// Returns the factor by which `along` best approximates `vectors` in the least-squares sense.
 fn fit(vectors: &[Vector3<f64>], along: &[Vector3<f64>]) -> f64 {
     // The factor is Σ v · a / Σ a².
     let (dot, square) = vectors
@@ -78,8 +77,8 @@ fn fit(vectors: &[Vector3<f64>], along: &[Vector3<f64>]) -> f64 {
     if square > 0.0 { dot / square } else { 0.0 }
 }
 
-/// Returns the lag of B, and how far A moves in that time at each sample. The lag is the time shift
-/// of A that comes closest to B, apart from a constant offset, as found by `--align flown`.
+/// Returns the lag of B, and A's displacement during that lag at each sample. The lag is the time
+/// shift of A that best matches B except for a constant offset, as with `--align flown`.
 fn lag(pairs: &[[FlightSample; 2]]) -> (f64, Vec<Vector3<f64>>) {
     let a = DesignPath::through(pairs.iter().map(|[a, _]| (a.time_s, a.position_m)));
     fn cost(a: &DesignPath, pairs: &[[FlightSample; 2]], lag_s: f64) -> f64 {
@@ -88,8 +87,7 @@ fn lag(pairs: &[[FlightSample; 2]]) -> (f64, Vec<Vector3<f64>>) {
     }
     let range_s = [-MAX_LAG_S, MAX_LAG_S];
     let lag_s = minimize(range_s, |s| cost(&a, pairs, s));
-    // If the flights rest, all shifts have the same cost. A shift at an end of the search range is
-    // not a minimum.
+    // At rest, every shift has the same cost. A shift at an end of the range is not a minimum.
     let is_best = lag_s.abs() < MAX_LAG_S - 1e-3 && cost(&a, pairs, lag_s) < cost(&a, pairs, 0.0);
     let lag_s = if is_best { lag_s } else { 0.0 };
     let moved = pairs.iter().zip(shifted(&a, pairs, lag_s));
@@ -108,7 +106,7 @@ fn shifted(
 
 /// Returns the moving average of values over [`SMOOTH_S`], centered at each sample.
 fn smoothed(pairs: &[[FlightSample; 2]], values: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
-    // The sum covers the samples `from..to` of the window, which moves forward.
+    // The sum covers the samples `from..to` in the window, which moves forward.
     let (mut from, mut to, mut sum) = (0, 0, Vector3::zeros());
     let means = pairs.iter().map(|[middle, _]| {
         while to < values.len() && pairs[to][0].time_s <= middle.time_s + SMOOTH_S / 2.0 {
@@ -131,7 +129,7 @@ mod tests {
     use crate::comparison::{Alignment, ComparisonOptions, compare};
     use noctograph_plan::tracking::Part;
 
-    /// Returns the main cause if B flies the square with a change.
+    /// Returns the main cause of the difference if B flies the square with a change.
     fn first_cause(change: impl Fn(f64) -> Vector3<f64>) -> (Discrepancy, f64) {
         let a = flight(0.01, 16.0, square, square);
         let b = flight(0.01, 16.0, change, square);
@@ -142,8 +140,7 @@ mod tests {
 
     #[test]
     fn each_cause_is_found_with_its_amount() {
-        // The longer lags last for whole strokes, during which a delay differs from a shift in
-        // position.
+        // The longer lags span whole strokes, for which a delay differs from a displacement.
         for (late_s, within_s, least) in [
             (0.1, 1e-3, 0.99),
             (0.3, 2e-3, 0.97),
@@ -170,12 +167,12 @@ mod tests {
         assert!(matches!(noise, Discrepancy::Noise(m) if (m - 0.0141).abs() < 1e-3), "{noise:?}");
         assert!(matches!(path, Discrepancy::Path(m) if (m - 0.0141).abs() < 2e-3), "{path:?}");
         assert!(noise_part > 0.9 && path_part > 0.8, "{noise_part} {path_part}");
-        // B is half as large and rotated by half a turn, which no error of scale explains.
+        // B is half as large and rotated by 180°, which no scale error explains.
         let (path, part) = first_cause(|t| middle + (square(t) - middle) * -0.5);
         assert!(matches!(path, Discrepancy::Path(_)) && part > 0.8, "{path:?}, {part}");
     }
 
-    /// Returns the position on an L-shaped path, which ends elsewhere than it begins.
+    /// Returns the position on an L-shaped path, whose start and end differ.
     fn l(t: f64) -> Vector3<f64> {
         Vector3::new(0.2 * (t - 4.0).clamp(0.0, 2.0), 0.0, 1.0 - 0.2 * t.min(4.0))
     }

@@ -1,4 +1,4 @@
-//! Aligns the frames of two flights, because a flight without setpoints may use another frame.
+//! Aligns the coordinate frames of two flights, which may differ if a flight lacks setpoints.
 
 use nalgebra::{Rotation3, Vector3};
 use serde::Serialize;
@@ -8,14 +8,13 @@ use noctograph_core::error::Result;
 use noctograph_core::flight::{Flight, FlightSample, Quantity};
 use noctograph_core::input_error;
 
-/// Minimum root mean square distance of flights that may use different frames.
+/// Minimum root mean square distance at which two flights may be in different frames.
 const TWO_FRAMES_M: f64 = 0.15;
-/// Maximum root mean square distance of two logs of one flight after alignment.
+/// Maximum root mean square distance between two logs of the same flight after alignment.
 const MAX_RESIDUAL_M: f64 = 0.05;
-/// Fraction of the distance that remains after alignment, below which flights are assumed to use
-/// different frames.
+/// Maximum fraction of the distance that remains after alignment if the frames differ.
 const RESIDUAL_FRAC: f64 = 0.3;
-/// Number of rotations to try.
+/// Number of rotations that are tried.
 const TURNS: u32 = 24;
 /// Minimum size of a path whose rotation can be determined.
 const NARROW_M: f64 = 0.05;
@@ -23,11 +22,11 @@ const NARROW_M: f64 = 0.05;
 /// Transform from flight B's frame to that of A.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct FrameAlignment {
-    /// Rotation about the vertical axis.
+    /// Rotation about the vertical axis, applied first.
     pub turn_rad: f64,
     /// Translation after the rotation.
     pub shift_m: Vector3<f64>,
-    /// Root mean square distance that remains after the transform.
+    /// Root mean square distance after the transform.
     pub left_m: f64,
 }
 
@@ -55,9 +54,9 @@ impl FrameAlignment {
 }
 
 /// Returns the seconds to add to B's clock, and the transform of B's frame if it differs from A's.
-/// The frames are taken to differ if a flight lacks setpoints, both flights are decimeters apart,
-/// and only centimeters remain after a rotation and a translation. `clock` returns the seconds for
-/// a transformed flight in place of B.
+/// The frames are assumed to differ if a flight lacks setpoints and a rotation and a translation
+/// reduce the distance from decimeters to centimeters. `clock` returns the seconds for a
+/// transformed copy of B.
 pub(super) fn place(
     a: &Flight,
     b: &Flight,
@@ -73,8 +72,7 @@ pub(super) fn place(
         return Ok((offset_s, None));
     };
     let mut best_s = offset_s;
-    // The clock cannot be aligned well with a path in another frame, and is aligned again for each
-    // rotation.
+    // The clock cannot be aligned well in another frame, and is aligned again per rotation.
     for step in 1..TURNS {
         if best.left_m <= 0.5 * MAX_RESIDUAL_M {
             break;
@@ -89,7 +87,7 @@ pub(super) fn place(
             best_s = offset_s;
         }
     }
-    // The clock was aligned with a coarse rotation, and is aligned once more now.
+    // The clock offset belongs to a coarse rotation, so it is computed once more.
     let again_s = clock(&best.placed(b))?;
     let further = fit_at([a, b], options, again_s)?;
     if let Some((_, further)) = further.filter(|(_, f)| f.left_m < best.left_m) {
@@ -111,7 +109,7 @@ pub(super) fn place(
     Ok((offset_s, None))
 }
 
-/// Calls [`fit`] with the pairs of two flights after adding `offset_s` to B's times.
+/// Calls [`fit`] for the pairs of two flights after adding `offset_s` to B's timestamps.
 fn fit_at(
     [a, b]: [&Flight; 2],
     options: &ComparisonOptions,

@@ -1,15 +1,15 @@
-//! Comparison: differences between two flights, each sampled by its own clock.
+//! Comparison: differences between two flights that were sampled at different times.
 //!
 //! Products in: two [`Flight`]s, A and B. Product out: [`Comparison`].
 //!
-//! Method: B's clock is shifted by a given time, or so that both designs or both paths agree. B is
-//! then interpolated linearly at the times of A's samples. A sample of A is ignored if B's
-//! neighbors are farther apart than [`ComparisonOptions::max_gap_s`], for example after lost
-//! packets, or if it is outside the compared part of either flight.
+//! Method: B's clock is shifted by a given time, or by the time at which both designs or both paths
+//! match best. B is then interpolated linearly at the times of A's samples. A sample of A is
+//! ignored if it lies outside the compared part of either flight, or if B's neighboring samples are
+//! farther apart than [`ComparisonOptions::max_gap_s`], for example after lost packets.
 //!
-//! A flight without setpoints, such as one from motion capture, may use another frame. If a
+//! A flight without setpoints, such as one from motion capture, may be in a different frame. If a
 //! rotation about the vertical axis and a translation reduce the distance to centimeters, they are
-//! applied ([`FrameAlignment`]). If the distance is much reduced but larger than that, the
+//! applied ([`FrameAlignment`]). If they reduce it considerably but not to centimeters, the
 //! comparison is refused.
 //!
 //! Not done: converting clocks that run at different rates, which `import` does.
@@ -39,13 +39,13 @@ pub use frame::FrameAlignment;
 /// Options of a comparison.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ComparisonOptions {
-    /// Part of both flights to compare.
+    /// Part of the flights to compare.
     pub part: Part,
     /// Alignment of B's clock with A's.
     pub alignment: Alignment,
-    /// Maximum gap between two samples of B over which B is interpolated. A Crazyflie's log has a
-    /// sample every 10 to 30 ms. A larger value hides oscillations of 1 to 4 Hz, and a much smaller
-    /// one discards good samples.
+    /// Maximum gap between two samples of B over which B is interpolated. A Crazyflie log contains
+    /// a sample every 10 to 30 ms. A larger value hides oscillations of 1 to 4 Hz, and a much
+    /// smaller one discards good samples.
     pub max_gap_s: f64,
 }
 
@@ -58,14 +58,13 @@ impl Default for ComparisonOptions {
 /// Alignment of the clock of flight B with that of flight A.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Alignment {
-    /// Alignment by the best agreement of the designs. If one design is held between setpoints and
-    /// the other is not, the error is half the time between two setpoints.
+    /// Alignment by the best match of the designs. If only one design is held between setpoints,
+    /// the error is half the interval between two setpoints.
     Design,
-    /// Alignment by the best agreement of the flown positions in the air. This alignment is for a
-    /// log whose setpoints are ahead of its design, such as those computed by inverting the
-    /// position loop.
+    /// Alignment by the best match of the flown positions in the air, for a log whose setpoints
+    /// lead its design, such as setpoints computed by inverting the position loop.
     Flown,
-    /// Alignment by adding these seconds to B's times.
+    /// Alignment by adding these seconds to B's timestamps.
     Offset(f64),
 }
 
@@ -76,13 +75,13 @@ pub struct Comparison {
     pub part: Part,
     /// Time added to B's timestamps.
     pub offset_s: f64,
-    /// Transform from B's frame to A's. `None` if both flights use the same frame.
+    /// Transform from B's frame to A's. `None` if the frames are the same.
     #[serde(rename = "frame")]
     pub placement: Option<FrameAlignment>,
     /// Number of compared samples of A.
     #[serde(rename = "samples")]
     pub n_samples: usize,
-    /// Times of the first and the last compared sample, by A's clock.
+    /// Times of the first and the last compared sample on A's clock.
     pub span_s: [f64; 2],
     /// Root mean square difference in position on each axis.
     pub rmse_m: Vector3<f64>,
@@ -90,11 +89,11 @@ pub struct Comparison {
     pub mean_m: Vector3<f64>,
     /// Maximum distance between the positions.
     pub max_m: f64,
-    /// Root mean square difference in attitude. `None` if a flight does not contain its attitude.
+    /// Root mean square difference in attitude. `None` if a flight lacks attitude.
     #[serde(rename = "attitude_rmse_rad")]
     pub attitude_rmse: Option<Attitude>,
-    /// The cause that explains most of the difference, and the fraction of the mean square that it
-    /// explains. `None` if there is no difference.
+    /// Cause that explains most of the difference, and the fraction of the mean square that it
+    /// explains. `None` if the flights do not differ.
     #[serde(skip)]
     pub first: Option<(Discrepancy, f64)>,
 }
@@ -104,10 +103,10 @@ pub struct Comparison {
 /// # Errors
 ///
 /// Returns [`Error::Input`] for an option out of range, a flight without samples in the part, a
-/// flight without a design if designs are aligned, and flights that have no time in common.
+/// flight without a design if designs are aligned, and flights that do not overlap in time.
 pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Comparison> {
     within("max_gap_s", options.max_gap_s, 0.0, 60.0)?;
-    // The clock is aligned first, because the frame is aligned by pairs with equal times.
+    // The clock is aligned before the frame, which is aligned by pairs of samples at equal times.
     let offset_s = options.alignment.offset_s(a, b)?;
     match options.alignment {
         Alignment::Design => check_words(a, b)?,
@@ -130,7 +129,7 @@ pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Co
         let error = Error::input("flights A and B", spans, wanted, hint);
         return Err(error.coded("clocks-apart"));
     };
-    // Differences of angles are in the range from -π to π.
+    // Differences of angles are wrapped to the range from -π to π.
     let apart = pairs.iter().map(|[a, b]| a.position_m - b.position_m);
     let angles = pairs.iter().map(|[a, b]| {
         let difference = angles_rad(&a.attitude) - angles_rad(&b.attitude);
@@ -152,7 +151,7 @@ pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Co
 }
 
 impl Alignment {
-    /// Returns the seconds to add to B's times.
+    /// Returns the seconds to add to B's timestamps.
     fn offset_s(self, a: &Flight, b: &Flight) -> Result<f64> {
         match self {
             Self::Design => align::offset_s(a, b),
@@ -162,22 +161,22 @@ impl Alignment {
     }
 }
 
-/// Returns the part of a flight in the air, with the flown path as its design.
+/// Returns the airborne part of a flight, with the flown path as its design.
 fn flown(flight: &Flight) -> Result<Flight> {
     let samples = Part::Airborne.samples(flight)?.into_iter();
     let samples = samples.map(|s| FlightSample { design_m: s.position_m, ..s }).collect();
     Ok(Flight::made(FlightData { samples, ..FlightData::default() }))
 }
 
-/// Maximum distance at which two flights' letters count as the same: a fifth of a capital's height.
+/// Maximum distance up to which two flights' letters count as the same: a fifth of the cap height.
 const MAX_LETTERS_APART_M: f64 = 0.1;
 
-/// Refuses flights whose designs write different letters.
+/// Returns an error if the designs of two flights write different letters.
 fn check_words(a: &Flight, b: &Flight) -> Result<()> {
     let [a, b] = [a, b].map(|flight| {
         let written = flight.samples.iter().filter(|sample| sample.letter.is_some());
         let mut points: Vec<Vector3<f64>> = written.map(|sample| sample.design_m).collect();
-        // A point every 2 cm limits the number of comparisons.
+        // Points are thinned to one every 2 cm, which limits the number of comparisons.
         points.dedup_by(|next_m, last_m| (*last_m - *next_m).norm() < 0.02);
         points
     });
@@ -185,7 +184,7 @@ fn check_words(a: &Flight, b: &Flight) -> Result<()> {
         return Ok(());
     }
     // Partial Hausdorff distance (Huttenlocher et al. 1993) of nine tenths of the points, because
-    // one of the plans may lack an approach to a letter.
+    // one of the plans may lack the approach to a letter.
     let each_way_m = [(&a, &b), (&b, &a)].map(|(from, to)| {
         let nearest_m = from.iter().map(|p| {
             let to_each_m = to.iter().map(|q| (p - q).norm());
@@ -205,7 +204,7 @@ fn check_words(a: &Flight, b: &Flight) -> Result<()> {
     ))
 }
 
-/// Pairs each sample of A with B at the same time, and omits times at which B is unknown.
+/// Pairs each sample of A with B's interpolated state, and omits times at which B is unknown.
 fn pairs(a: &[FlightSample], b: &[FlightSample], max_gap_s: f64) -> Vec<[FlightSample; 2]> {
     let mut next = 0;
     let mut pairs = Vec::with_capacity(a.len());
@@ -222,8 +221,8 @@ fn pairs(a: &[FlightSample], b: &[FlightSample], max_gap_s: f64) -> Vec<[FlightS
     pairs
 }
 
-/// Interpolates between two consecutive samples. Returns `None` if they do not enclose `time_s` or
-/// are more than `max_gap_s` apart.
+/// Interpolates between two consecutive samples. Returns `None` if `time_s` is not between them, or
+/// if they are more than `max_gap_s` apart.
 fn between(
     before: &FlightSample,
     after: &FlightSample,

@@ -7,7 +7,7 @@ fn near(value: f64, wanted: f64, within: f64, what: &str) {
     assert!((value - wanted).abs() <= within, "{what}: {value} instead of {wanted}");
 }
 
-/// Returns a flight that waits and then flies the square, 2 cm to the right of it.
+/// Returns a flight that waits and then flies the square 2 cm further to the right.
 fn aside(wait_s: f64, step_s: f64) -> Flight {
     let design = |t: f64| square(t - wait_s);
     flight(step_s, 12.0 + wait_s, |t| design(t) + Vector3::new(0.02, 0.0, 0.0), design)
@@ -25,7 +25,7 @@ fn two_clocks_and_two_rates_are_brought_together_by_the_design() {
     let options = ComparisonOptions { part: Part::All, ..Default::default() };
     let comparison = compare(&a, &b, &options).unwrap();
     near(comparison.offset_s, -524.95, 2e-4, "offset");
-    // Interpolation cuts the corners by at most half a sample of B, 1.1 mm.
+    // Interpolation cuts corners by at most half a sample interval of B, which is 1.1 mm.
     near(comparison.rmse_m.x, 0.0, 1e-3, "x");
     near(comparison.rmse_m.y, 0.01, 1e-9, "y");
     near(comparison.mean_m.y, -0.01, 1e-9, "mean y");
@@ -64,7 +64,7 @@ fn gaps_are_not_interpolated() {
     let (a, mut b) = (aside(0.0, 0.01), aside(0.0, 0.01));
     let whole = compare(&a, &b, &ComparisonOptions::default()).unwrap();
     assert_eq!(whole.n_samples, 1201);
-    // B has no samples for 0.7 s, during which it jumps.
+    // B lacks samples for 0.7 s, during which it jumps.
     b.edit(|b| b.samples.retain(|sample| sample.time_s <= 3.0 || sample.time_s >= 3.7));
     let options = ComparisonOptions::default();
     let gapped = compare(&a, &b, &options).unwrap();
@@ -93,7 +93,7 @@ fn attitude_is_compared_the_short_way_round() {
 
 #[test]
 fn flights_of_different_words_are_refused() {
-    // The flights are a sweep of 1 m to the right, and the same word a quarter of a meter higher.
+    // The flights are a 1 m sweep to the right, and the same word a quarter of a meter higher.
     fn sweep(z: f64) -> Flight {
         let sample = |i: i32| {
             let at_m = Vector3::new(f64::from(i) * 0.01, 0.0, z);
@@ -137,13 +137,13 @@ fn flights_that_cannot_be_compared_are_refused_with_their_reason() {
     assert!(compare(&undesigned, &a, &options).is_ok(), "only the clocks need a design");
 }
 
-/// Returns the options for [`captured`], whose clock is 7 s late.
+/// Returns options for [`captured`], whose clock is 7 s behind.
 fn seven_seconds_later() -> ComparisonOptions {
     let (part, alignment) = (Part::All, Alignment::Offset(-7.0));
     ComparisonOptions { part, alignment, ..Default::default() }
 }
 
-/// Returns the record of a motion capture system for the square: positions only, rotated about the
+/// Returns the square as a motion capture system records it: only positions, rotated about the
 /// vertical axis and translated.
 fn captured(turn_rad: f64, shift_m: Vector3<f64>, noise_m: f64) -> Flight {
     let mut flight = aside(1.0, 0.01);
@@ -193,7 +193,7 @@ fn one_frame_is_not_moved_and_two_that_no_transform_joins_are_refused() {
     let wild = captured(0.9, Vector3::new(2.0, 0.0, 0.0), 0.1);
     let error = compare(&a, &wild, &options).unwrap_err().to_string();
     assert!(error.contains("after the best turn and shift"), "{error}");
-    // Setpoints determine the frame, so that a drone that flew elsewhere really did.
+    // Setpoints define the frame, so a flight elsewhere is an actual displacement.
     let mut elsewhere = aside(1.0, 0.01);
     elsewhere.edit(|elsewhere| {
         elsewhere.samples.iter_mut().for_each(|sample| sample.position_m.x += 1.0)

@@ -17,8 +17,8 @@ fn names_are_in_the_order_of_their_numbers() {
     assert_eq!(names, ["2.csv", "10.csv", "b", "cf1/9", "cf1/10", "cf02", "cf2", "cf10"]);
 }
 
-/// Returns a flight as a log of the firmware at 100 Hz, with its estimate, noisy gyroscope
-/// readings, setpoints and motor commands.
+/// Returns a flight as a 100 Hz log of the firmware, with its estimate, noisy gyroscope readings,
+/// setpoints and motor commands.
 fn log(flight: &Flight, seed: u64) -> String {
     let mut text = String::from(
         "t,x,y,z,yaw,pitch,roll,wx,wy,wz,vx_body,vy_body,vz_body,ctrltarget.x,ctrltarget.y,ctrltarget.z,m1,m2,m3,m4\n",
@@ -44,8 +44,8 @@ fn log(flight: &Flight, seed: u64) -> String {
     text
 }
 
-/// Imports the logs of three drones, each with its own mass, trim, lag and gusts, and compares what
-/// is identified with what was drawn.
+/// Imports logs of three drones that differ in mass, trim, lag and gusts, and compares the
+/// identified values with the drawn ones.
 #[test]
 fn flights_of_drawn_drones_give_back_what_was_drawn() {
     let mut scene = Scene { word: "NO".into(), ..Scene::preset(Preset::Cf21) };
@@ -99,7 +99,7 @@ fn flights_of_drawn_drones_give_back_what_was_drawn() {
                 "{seed}: {off_m} of {figures:?}"
             );
         }
-        // A short flight may not show the lag of slow rotors.
+        // A short flight may not reveal the lag of slow rotors.
         if let Some((lag_s, sigma_s)) = figures.lag_s.zip(figures.lag_sigma_s) {
             lag_errors_s.push(lag_s - scene_s(true_));
             let error_s = (lag_s - scene_s(true_)).abs();

@@ -1,4 +1,4 @@
-//! Flies altitude hold with many seeds, and compares the figures of each scenario with limits.
+//! Flies altitude hold with many seeds, and compares each scenario's figures with limits.
 
 use rayon::prelude::*;
 
@@ -10,16 +10,16 @@ use noctograph_sim::{AltitudeSensor, SimOptions};
 
 /// Duration of a flight, s.
 pub const DURATION_S: f64 = 60.0;
-/// Time from which a flight is evaluated, because the filter has settled by then, s.
+/// Time from which a flight is evaluated, s. By then the filter has settled.
 const FROM_S: f64 = 5.0;
-/// Time before and after an event within which innovations are ignored, s.
+/// Time before and after an event in which innovations are ignored, s.
 const EVENT_S: f64 = 0.5;
-/// Maximum number of runs of a scenario.
+/// Maximum number of flights of a scenario.
 const MAX_RUNS: f64 = 1e4;
-/// Range of the mean of squared error over variance if a state's σ is at most 20 % wrong.
+/// Range of the mean ratio of squared error to variance if a state's σ is wrong by at most 20 %.
 pub const CONSISTENT: [f64; 2] = [0.7, 1.4];
 
-/// Figures of a scenario over all of its flights. Root mean squares are over time and flights.
+/// Figures of a scenario. Root mean squares are taken over time and over all flights.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct HoldFigures {
     /// Name of the scenario.
@@ -30,18 +30,17 @@ pub struct HoldFigures {
     pub runs: u32,
     /// Root mean square error of the estimated altitude, with its 95 % interval, m.
     pub estimate_m: Estimate,
-    /// Root mean square distance from the set altitude, with its 95 % interval, m.
+    /// Root mean square distance from the commanded altitude, with its 95 % interval, m.
     pub hold_m: Estimate,
-    /// Fraction of the time in which the true altitude is inside the filter's 95 % band.
+    /// Fraction of the time during which the true altitude lies within the filter's 95 % band.
     pub inside: f64,
     /// Root mean square error of the estimated hover throttle.
     pub hover_throttle: f64,
-    /// Mean of squared error over variance for each state, away from events.
+    /// Mean ratio of squared error to variance for each state, away from events.
     pub states: Vec<Consistency>,
     /// Mean normalized innovation squared of satellites, ranger and barometer, away from events.
     pub nis: [Option<f64>; 3],
-    /// Mean numbers of floor steps per flight: those that the filter detected, and those that the
-    /// height sensor passed over.
+    /// Mean numbers of floor steps per flight that the filter detected and the ranger flew over.
     pub steps: [f64; 2],
     /// Limits of the figures. `None` for a scenario without limits.
     pub bounds: Option<Bounds>,
@@ -54,15 +53,14 @@ pub struct HoldFigures {
 pub struct Consistency {
     /// Name of the state.
     pub state: &'static str,
-    /// Mean of the squared error over its variance, over time and flights, with its 95 % interval.
-    /// The mean is 1 if the covariance is right (Bar-Shalom, Li, Kirubarajan 2001, section 5.4).
+    /// Mean ratio of squared error to variance, over time and flights, with its 95 % interval.
     pub error: Estimate,
-    /// Class of the mean.
+    /// Class of the mean ratio.
     pub verdict: HoldVerdict,
 }
 
 settings! {
-    /// Size of the estimated standard deviation relative to the error, according to [`CONSISTENT`].
+    /// Class of an estimated standard deviation by its ratio to the actual error ([`CONSISTENT`]).
     pub enum HoldVerdict {
         /// The estimated standard deviation is right.
         "consistent" => Consistent,
@@ -74,7 +72,7 @@ settings! {
 }
 
 impl HoldVerdict {
-    /// Classifies a mean of squared error over variance.
+    /// Classifies a mean ratio of squared error to variance.
     fn from_error(squared_error: f64) -> Self {
         match squared_error {
             error if error < CONSISTENT[0] => Self::Conservative,
@@ -89,21 +87,21 @@ impl HoldVerdict {
 pub struct Bounds {
     /// Maximum root mean square error of the estimated altitude, m.
     pub estimate_m: f64,
-    /// Maximum root mean square distance from the set altitude, m.
+    /// Maximum root mean square distance from the commanded altitude, m.
     pub hold_m: f64,
-    /// Minimum and maximum fraction of the time inside the 95 % band.
+    /// Minimum and maximum fraction of the time within the 95 % band.
     pub inside: [f64; 2],
     /// Maximum root mean square error of the estimated hover throttle.
     pub hover_throttle: f64,
     /// Minimum and maximum normalized innovation squared.
     pub nis: [f64; 2],
-    /// Maximum difference between the numbers of detected and passed floor steps per flight.
+    /// Maximum difference between the numbers of detected and actual floor steps per flight.
     pub steps: f64,
 }
 
 impl Bounds {
-    /// Returns the limits of a scenario, or `None` for a floor step during a satellite outage, when
-    /// only the barometer measures the altitude.
+    /// Returns the limits of a scenario. Returns `None` for a floor step during a satellite outage,
+    /// in which only the barometer measures the altitude.
     fn new(scenario: HoldScenario) -> Option<Self> {
         let (estimate_m, hold_m) = match scenario {
             HoldScenario::Calm | HoldScenario::Drift => (0.027, 0.056),
@@ -121,8 +119,8 @@ impl Bounds {
 ///
 /// # Errors
 ///
-/// Returns the errors of [`hold`]. Returns [`noctograph_core::error::Error::Input`] for 0 or over
-/// 10 000 runs.
+/// Returns the errors of [`hold`]. Returns [`noctograph_core::error::Error::Input`] if `runs` is 0
+/// or over 10 000.
 pub fn hold_figures(
     model: HoldModel,
     options: &SimOptions,
@@ -131,11 +129,11 @@ pub fn hold_figures(
     runs: u32,
 ) -> Result<HoldFigures> {
     within("runs", runs.into(), 1.0, MAX_RUNS)?;
-    // Only the means of each flight are kept, so that ten thousand flights fit into memory.
+    // Only the means of each flight are kept, so that ten thousand flights fit in memory.
     let flights = (0..runs).into_par_iter().map(|run| {
         Ok(FlightMeans::new(&hold(model, options, scenario, DURATION_S, seed + u64::from(run))?))
     });
-    // The results are collected twice, so that of several errors the first one is returned.
+    // Results are collected before errors, so that the first of several errors is returned.
     let flights: Vec<Result<FlightMeans>> = flights.collect();
     let flights: Vec<FlightMeans> = flights.into_iter().collect::<Result<_>>()?;
     let mean_of = |value: fn(&FlightMeans) -> f64| mean(flights.iter().map(value));
@@ -176,24 +174,25 @@ struct FlightMeans {
     hold_m2: f64,
     inside: f64,
     hover_throttle_sq: f64,
-    /// Mean of squared error over variance for each state.
+    /// Mean ratio of squared error to variance for each state.
     states: [f64; 6],
-    /// Sum of the normalized innovations squared, and their number, for each sensor.
+    /// Sum and number of the normalized innovations squared, for each sensor.
     nis: [(f64, f64); 3],
-    /// Numbers of floor steps: detected by the filter, and passed over by the height sensor.
+    /// Numbers of floor steps: detected by the filter, and flown over by the ranger.
     steps: [f64; 2],
 }
 
 impl FlightMeans {
-    /// Computes the means of a flight from [`FROM_S`] on.
+    /// Computes the means of a flight, beginning at [`FROM_S`].
     fn new(flight: &Hold) -> Self {
         let events_s = flight.events_s();
         let samples: Vec<_> = flight.samples.iter().filter(|s| s.time_s >= FROM_S).collect();
-        // Consistency is evaluated away from events, where the filter's model is wrong on purpose.
+        // Consistency is evaluated away from events, which the filter's model deliberately
+        // excludes.
         let mut quiet = samples.clone();
         quiet.retain(|s| !events_s.iter().any(|event_s| (s.time_s - event_s).abs() <= EVENT_S));
         let errors_m: Vec<f64> = samples.iter().map(|s| s.estimate[0] - s.truth[0]).collect();
-        // Sums and numbers are kept, so that flights with more readings have more weight.
+        // Sums and numbers are kept, so that flights with more readings are given more weight.
         let mut nis = [(0.0, 0.0); 3];
         for reading in quiet.iter().flat_map(|s| &s.readings).filter(|reading| reading.taken) {
             let (sum, n) = &mut nis[reading.sensor as usize];
@@ -244,7 +243,7 @@ impl HoldFigures {
             let throttle = self.hover_throttle;
             missed.push(format!("hover throttle off by {throttle:.4}, more than {hover_throttle}"));
         }
-        // Innovations are checked in both directions, states only for a σ that is too small.
+        // Innovations have limits in both directions, states only against a σ that is too small.
         let [low, high] = nis;
         let beyond = self.nis.iter().flatten().filter(|nis| !(low..=high).contains(*nis));
         missed.extend(beyond.map(|nis| format!("NIS {nis:.2}, not {low} to {high}")));
@@ -278,13 +277,14 @@ mod tests {
         }
     }
 
-    /// Asserts that the variances of motion and thrust are as large as their errors.
+    /// Asserts that the variances of motion and thrust are at least as large as the errors imply.
     fn assert_consistent(figures: &HoldFigures) {
         let [least, most] = CONSISTENT;
         for (index, Consistency { state, error, .. }) in figures.states.iter().enumerate() {
             let what = format!("{}, {}, {state}: {error:?}", figures.model, figures.scenario);
             assert!(error.low <= most, "{what}");
-            // The floor is flat and the barometer hardly drifts, which the filter does not assume.
+            // The filter assumes an uneven floor and a drifting barometer, which are not simulated
+            // here.
             assert!(index >= 4 || error.high >= least, "{what}");
         }
     }
@@ -292,11 +292,11 @@ mod tests {
     #[test]
     fn the_full_simulator_keeps_to_the_limits_too() {
         for scenario in HoldScenario::ALL {
-            // With only eight flights, a single one with an unusual gain decides the result.
+            // With only eight flights, a single one with an unusual gain would decide the result.
             let figures = figures(HoldModel::Full, *scenario, 12);
             assert_consistent(&figures);
             let Some(bounds) = figures.bounds else { continue };
-            // The limits, made for more flights, are a seventh looser.
+            // The limits were chosen for more flights, so they are relaxed by 15 % here.
             assert!(figures.estimate_m.value < 1.15 * bounds.estimate_m, "{figures:?}");
             assert!(figures.hold_m.value < 1.15 * bounds.hold_m, "{figures:?}");
             assert!((0.92..=0.99).contains(&figures.inside), "{figures:?}");
@@ -324,7 +324,8 @@ mod tests {
             let start = format!("{state} overconfident");
             assert!(unknown.missed.iter().any(|text| text.starts_with(&start)), "{unknown:?}");
         }
-        // If gravity is known, a random walk of the gain that no battery has only widens σ.
+        // If gravity is known, the filter's random walk of the gain, which no battery causes, only
+        // widens σ.
         assert_eq!(known.states[3].verdict, HoldVerdict::Conservative, "{known:?}");
     }
 

@@ -1,4 +1,4 @@
-//! Altitude hold in the full simulator: a slow level flight on the altitude filter's estimates.
+//! Altitude hold in the full simulator: a slow level flight controlled by the altitude filter.
 
 use nalgebra::Vector3;
 
@@ -25,7 +25,7 @@ pub(super) fn hold(
     let drone = Drone { believed, ..Drone::new(&actual, seed) };
     let watch = &mut |tick: u32, plant: &Plant, avionics: &Avionics| {
         let Some(filter) = avionics.altitude() else { return };
-        // A sample contains the readings of all ticks since the previous sample.
+        // A sample contains the readings of all ticks since the previous one.
         readings.extend_from_slice(filter.readings());
         if tick.is_multiple_of(ticks_per_sample) {
             let throttle = avionics.motors().iter().sum::<f64>() / (4.0 * actual.vehicle.motor_max);
@@ -41,7 +41,7 @@ pub(super) fn hold(
 }
 
 /// Returns the true states, in the order of [`AltitudeState`](noctograph_sim::AltitudeState). The
-/// floor is the one that the tilted height sensor measures. A steady draft is part of α⁰.
+/// floor is taken where the tilted ranger points. A steady draft is part of α⁰.
 fn truth(plant: &Plant, actual: &SimOptions, barometer_m: f64) -> [f64; 6] {
     let (body, vehicle) = (plant.body(), &actual.vehicle);
     let (position_m, down) = (body.position_m, -body.matrix().column(2));

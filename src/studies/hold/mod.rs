@@ -1,15 +1,15 @@
 //! Altitude hold with three imperfect sensors and an unknown thrust map.
 //!
-//! A quadcopter measures its altitude with satellites, with a height sensor above an uneven floor,
-//! and with a drifting barometer. The relation between throttle τ and lift is unknown and changes
-//! with the battery: `z̈ = α⁰ + α¹ τ`. [`AltitudeFilter`](noctograph_sim::AltitudeFilter) estimates
-//! altitude, vertical velocity, α⁰, α¹ and both biases. [`hold()`] keeps the altitude constant with
-//! these estimates in several [`HoldScenario`]s. There are two [`HoldModel`]s: a scalar one and the
-//! full simulator.
+//! A quadcopter measures its altitude by satellites, by a ranger above an uneven floor, and by a
+//! drifting barometer. The relation between throttle τ and lift is unknown and changes with the
+//! battery: `z̈ = α⁰ + α¹ τ`. [`AltitudeFilter`](noctograph_sim::AltitudeFilter) estimates
+//! altitude, vertical velocity, α⁰, α¹ and both biases. [`hold()`] uses these estimates to keep the
+//! altitude in several [`HoldScenario`]s. There are two [`HoldModel`]s: a scalar one and the full
+//! simulator.
 //!
 //! Limits of the filter: while the throttle is constant, α⁰ and α¹ are not separately observable
-//! (rank 5 of 6, and 4 while the satellites are silent). Only the hover throttle −α⁰/α¹ is
-//! observable. The filter therefore reports the hover throttle, and α¹ with its standard deviation.
+//! (rank 5 of 6, and 4 during a satellite outage). Only the hover throttle −α⁰/α¹ is observable.
+//! The filter therefore reports the hover throttle, and α¹ with its standard deviation.
 
 mod figures;
 mod full;
@@ -30,11 +30,11 @@ use noctograph_sim::{
 
 /// Maximum duration of a flight.
 const MAX_DURATION_S: f64 = 3600.0;
-/// Rate of samples, and of the filter's steps in the scalar model, as in the lab sheet.
+/// Rate of samples, and of the scalar model's filter steps, as in the lab sheet.
 const SAMPLES_HZ: u32 = 10;
 /// Minimum change of the floor's height that counts as an event.
 const EVENT_M: f64 = 0.1;
-/// Altitude to be held.
+/// Commanded altitude.
 const SET_M: f64 = 1.5;
 
 settings! {
@@ -49,8 +49,8 @@ settings! {
 
 /// Simulates altitude hold in a scenario for `duration_s`, with noise from a seed.
 ///
-/// The drone, its sensors, the filter and the gains are those of the options. The drone's true lift
-/// differs from that of the options by a fraction drawn from the seed.
+/// The drone, its sensors, the filter and the gains are taken from the options. The drone's true
+/// lift differs from the options by a fraction drawn from the seed.
 ///
 /// # Errors
 ///
@@ -70,7 +70,7 @@ pub fn hold(
         let hint = "use the preset bzzz, or set the kind and sensors of the altitude filter";
         return Err(Error::input("observer.kind", kind.name(), "altitude", hint));
     }
-    // Both models fly the same scenario with the same true drone.
+    // Both models fly the same scenario with the same actual drone.
     within("duration_s", duration_s, 1.0, MAX_DURATION_S)?;
     match model {
         HoldModel::Scalar => scalar::hold(options, scenario, duration_s, seed),
@@ -81,7 +81,7 @@ pub fn hold(
 /// A flight at constant altitude.
 #[derive(Clone, Debug)]
 pub struct Hold {
-    /// The set altitude.
+    /// Commanded altitude.
     pub set_m: f64,
     /// Samples, ten per second.
     pub samples: Vec<HoldSample>,
@@ -100,13 +100,13 @@ pub struct HoldSample {
     pub estimate: [f64; 6],
     /// Standard deviations of the estimates.
     pub sigma: [f64; 6],
-    /// Throttle commanded until the next sample.
+    /// Throttle command until the next sample.
     pub throttle: f64,
     /// Readings since the previous sample.
     pub readings: Vec<HeightReading>,
 }
 
-/// All states in the order of their columns.
+/// Altitude states in the order of their columns.
 const STATES: [AltitudeState; 6] = [
     AltitudeState::Altitude,
     AltitudeState::Velocity,
@@ -146,9 +146,9 @@ impl Hold {
         out.flush()
     }
 
-    /// Returns the times at which the floor below the sensor stepped, for two samples or more.
+    /// Returns the times at which the floor below the sensor stepped, for at least two samples.
     pub fn events_s(&self) -> Vec<f64> {
-        // State 4 is the height sensor's bias, which equals minus the floor's height.
+        // State 4 is the ranger's bias, the negative of the floor's height.
         let (mut events_s, mut last_m) = (Vec::new(), None);
         for pair in self.samples.windows(2) {
             let last_m = last_m.get_or_insert(pair[0].truth[4]);
@@ -175,7 +175,7 @@ impl HoldSample {
         Self { time_s, truth, estimate, sigma, throttle, readings }
     }
 
-    /// Returns the true and the estimated throttle −α⁰/α¹ that carries the drone's weight.
+    /// Returns the true and the estimated throttle −α⁰/α¹ that balances the drone's weight.
     pub fn hover_throttle(&self) -> [f64; 2] {
         [self.truth, self.estimate].map(|states| -states[2] / states[3])
     }
@@ -187,7 +187,7 @@ mod tests {
     use noctograph_pipeline::scene::{Preset, Scene};
     use noctograph_sim::sensors::Positioning;
 
-    /// Returns the root mean square distance from the set altitude, from 5 s on.
+    /// Returns the root mean square distance from the commanded altitude, from 5 s on.
     fn rms_m(model: HoldModel, options: &SimOptions, seed: u64) -> f64 {
         let flight = hold(model, options, HoldScenario::Step, 60.0, seed).unwrap();
         let settled = flight.samples.iter().filter(|s| s.time_s > 5.0);
@@ -212,7 +212,7 @@ mod tests {
             let flight =
                 hold(model, &Scene::preset(Preset::Bzzz).sim(), HoldScenario::Silent, 35.0, 3)
                     .unwrap();
-            // The error grows at once to the bound set by the ranger over a known floor, and stays.
+            // The error grows at once to the ranger's bound over a known floor, and stays there.
             let [before_m, first_m, later_m @ .., after_m] =
                 [19.9, 20.1, 20.5, 22.0, 25.0, 29.9, 31.1].map(|time_s| {
                     let mut samples = flight.samples.iter();

@@ -1,7 +1,7 @@
 //! Altitude hold in a scalar model.
 //!
-//! The true motion is `z̈ = α⁰ + α¹ τ + gust`, with the motors' lag, at 100 Hz. Sensors, filter and
-//! controller run at 10 Hz, as in the lab sheet.
+//! The true motion is `z̈ = α⁰ + α¹ τ + gust`, delayed by the motor lag, and is simulated at 100
+//! Hz. Sensors, filter and controller run at 10 Hz, as in the lab sheet.
 
 use super::scenario::{DRONE, GAIN_SPREAD, GUST, HoldScenario, OFFSET_SPREAD_M_S2};
 use super::{Hold, HoldSample, SAMPLES_HZ, SET_M};
@@ -35,7 +35,7 @@ pub(super) fn hold(
     for tick in 0..=n_ticks {
         let time_s = f64::from(tick) / f64::from(TRUTH_HZ);
         if tick.is_multiple_of(TRUTH_HZ / SAMPLES_HZ) {
-            // The time update is followed by a measurement update for each sensor on board.
+            // The time update is followed by a measurement update for each available sensor.
             if tick > 0 {
                 filter.predict(throttle, 1.0 / f64::from(SAMPLES_HZ));
             }
@@ -47,7 +47,7 @@ pub(super) fn hold(
                     filter.update(*sensor, truth.measured_m(*sensor, time_s, error));
                 }
             }
-            // The throttle is a state feedback on the estimates.
+            // The throttle is computed by feedback of the estimated state.
             let [z, v] = [AltitudeState::Altitude, AltitudeState::Velocity]
                 .map(|state| filter.estimate(state));
             throttle = filter.thrust_map().throttle(-k_z * (z - SET_M) - k_v * v);
@@ -59,7 +59,7 @@ pub(super) fn hold(
     Ok(Hold { set_m: SET_M, samples, steps: filter.steps() })
 }
 
-/// Returns true if the drone has the sensor.
+/// Returns true if the drone carries the sensor.
 fn carries(sensors: &SensorOptions, sensor: AltitudeSensor) -> bool {
     match sensor {
         AltitudeSensor::Gnss => sensors.positioning == Positioning::Gnss,
@@ -88,7 +88,7 @@ struct Truth<'a> {
 impl<'a> Truth<'a> {
     /// Creates the drone at the set altitude, with its gain, offset and bias drawn from the seed.
     fn new(options: &'a SimOptions, scenario: HoldScenario, seed: u64) -> Self {
-        // This is the random stream of the full simulator, so that both models have the same drone.
+        // The full simulator uses the same random stream, so that both models fly the same drone.
         let mut drawn = Noise::new(seed, 0, DRONE);
         let hover = options.vehicle.hover_throttle();
         Self {
@@ -106,7 +106,7 @@ impl<'a> Truth<'a> {
         }
     }
 
-    /// Returns α¹ at `time_s`, which decreases with the battery.
+    /// Returns α¹ at `time_s`, which falls as the battery discharges.
     fn gain(&self, time_s: f64) -> f64 {
         self.full_gain * self.scenario.lift_frac(time_s)
     }
@@ -119,7 +119,7 @@ impl<'a> Truth<'a> {
         [self.altitude_m, self.velocity_m_s, self.offset, gain, -floor_m, barometer_m]
     }
 
-    /// Returns a sensor's reading, with a noise of `error` standard deviations.
+    /// Returns a sensor's reading, whose error is `error` standard deviations.
     fn measured_m(&self, sensor: AltitudeSensor, time_s: f64, error: f64) -> f64 {
         let [z, _, _, _, ranger_m, barometer_m] = self.states(time_s);
         let sensors = &self.options.sensors;
@@ -130,7 +130,7 @@ impl<'a> Truth<'a> {
         }
     }
 
-    /// Advances the vertical motion by one step of the simulation.
+    /// Advances the vertical motion by one time step.
     fn step(&mut self, throttle: f64, time_s: f64) {
         let (dt, vehicle) = (1.0 / f64::from(TRUTH_HZ), &self.options.vehicle);
         let lag_s = 0.5 * (vehicle.motor_rise_s + vehicle.motor_fall_s);

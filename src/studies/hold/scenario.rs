@@ -1,30 +1,30 @@
-//! Scenarios of altitude hold, with their events, for the scalar model and the full simulator.
+//! Scenarios of altitude hold and their events, for the scalar model and the full simulator.
 
 use noctograph_core::random::Noise;
 use noctograph_core::settings::settings;
 use noctograph_sim::SimOptions;
 use noctograph_sim::vehicle::{BatteryOptions, Compensation, FloorStep, GustOptions, Gusts};
 
-/// Standard deviation of the true lift per throttle, as a fraction of the vehicle's value.
+/// Standard deviation of the true lift per unit throttle, as a fraction of the vehicle's value.
 pub(super) const GAIN_SPREAD: f64 = 0.05;
-/// Standard deviation of the true α⁰ about gravity, m/s²: lift at zero throttle or a steady draft.
+/// Standard deviation of the true α⁰ from gravity, m/s²: lift at zero throttle or a steady draft.
 pub(super) const OFFSET_SPREAD_M_S2: f64 = 0.1;
-/// Standard deviation, m/s², and correlation time, s, of the vertical acceleration by gusts.
+/// Standard deviation, m/s², and correlation time, s, of the vertical acceleration caused by gusts.
 pub(super) const GUST: [f64; 2] = [0.15, 2.0];
 
-/// Height of the table, m, and start and end of the time for which it is below the drone, s.
+/// Height of the table, m, and the times between which it is below the drone, s.
 const TABLE_M: f64 = 0.5;
 const TABLE_S: [f64; 2] = [20.0, 40.0];
 /// Start and end of the satellite outage, s.
 const SILENT_S: [f64; 2] = [20.0, 30.0];
-/// Fraction of its lift that the battery loses, and the time that this takes, s.
+/// Fraction of its lift that the battery loses, and the duration of this loss, s.
 const DRAIN_FRAC: f64 = 0.25;
 const DRAIN_S: f64 = 60.0;
-/// Drift of the altitude by air pressure, m/s.
+/// Apparent drift of the altitude due to air pressure, m/s.
 const DRIFT_M_S: f64 = 0.02;
 /// Speed at which the drone flies over the table in the full simulator, m/s.
 pub(super) const SPEED_M_S: f64 = 0.2;
-/// Half the width of the table, m.
+/// Half width of the table, m.
 const TABLE_HALF_WIDTH_M: f64 = 50.0;
 /// Number of bisections in the search for the drained battery's voltage.
 const BISECTIONS: u32 = 60;
@@ -32,17 +32,17 @@ const BISECTIONS: u32 = 60;
 settings! {
     /// Events of a flight at constant altitude.
     pub enum HoldScenario {
-        /// Nothing happens.
+        /// No events.
         "calm" => Calm,
         /// A table of 0.5 m is below the drone from 20 s to 40 s.
         "step" => Step,
-        /// The satellites are silent from 20 s to 30 s.
+        /// The satellites are lost from 20 s to 30 s.
         "silent" => Silent,
         /// The battery loses a quarter of its lift in 60 s.
         "drain" => Drain,
         /// The air pressure drifts by 2 cm/s of altitude.
         "drift" => Drift,
-        /// The table appears and the satellites are silent, and only the barometer shows it.
+        /// The table appears while the satellites are lost, so only the barometer reveals it.
         "step-silent" => StepSilent,
     }
 }
@@ -59,7 +59,7 @@ impl HoldScenario {
         if is_above_table { TABLE_M } else { 0.0 }
     }
 
-    /// Returns true if the drone receives satellites at `time_s`.
+    /// Returns true if the drone receives satellite signals at `time_s`.
     pub(super) fn hears_gnss(self, time_s: f64) -> bool {
         !(self.is_silent() && (SILENT_S[0]..SILENT_S[1]).contains(&time_s))
     }
@@ -83,7 +83,7 @@ impl HoldScenario {
     /// scenario's events. `believed` are the options that the filter and the controller assume.
     pub(super) fn applied(self, believed: &SimOptions, seed: u64) -> SimOptions {
         let mut actual = believed.clone();
-        // The numbers are drawn in the same order as in the scalar model.
+        // Numbers are drawn in the same order as in the scalar model.
         let mut drawn = Noise::new(seed, 0, DRONE);
         let lift = 1.0 + GAIN_SPREAD * drawn.normal();
         let offset_m_s2 = OFFSET_SPREAD_M_S2 * drawn.normal();
@@ -100,7 +100,7 @@ impl HoldScenario {
         if self == Self::Drain {
             drain(&mut actual);
         }
-        // Gusts and draft are modeled as wind that accelerates the body equally by its drag.
+        // Gusts and the draft are modeled as wind with a drag that causes the same acceleration.
         let [sigma_m_s2, time_s] = GUST;
         let drag_n_s_m = actual.vehicle.body_drag_n_s_m[2];
         if actual.air.gusts == Gusts::None && drag_n_s_m > 0.0 {
@@ -121,14 +121,14 @@ impl HoldScenario {
 pub(super) const DRONE: &str = "hold drone";
 
 /// Replaces the battery so that the lift at hover falls by [`DRAIN_FRAC`] in [`DRAIN_S`]. The
-/// charge lasts for this time, and the open-circuit voltage falls linearly.
+/// charge lasts for that time, during which the open-circuit voltage falls linearly.
 fn drain(options: &mut SimOptions) {
     let weight_n = options.vehicle.mass_kg * noctograph_core::crazyflie::GRAVITY_M_S2;
     let battery = &mut options.battery;
     let current_a = battery.idle_current_a + battery.current_a_per_n * weight_n;
     let full_v = battery.open_circuit_v(battery.charge_frac);
     let wanted_n = (1.0 - DRAIN_FRAC) * lift_n(battery, full_v, current_a);
-    // The final voltage is found by bisection, so that the lift has the wanted value at the end.
+    // The final voltage is found by bisection, so that the lift ends at the intended value.
     let (mut low_v, mut high_v) = (0.0, full_v);
     for _ in 0..BISECTIONS {
         let middle_v = 0.5 * (low_v + high_v);
@@ -149,7 +149,7 @@ fn drain(options: &mut SimOptions) {
     };
 }
 
-/// Returns the full thrust at an open-circuit voltage while a current is drawn.
+/// Returns the full thrust, given an open-circuit voltage and a current.
 fn lift_n(battery: &BatteryOptions, open_v: f64, current_a: f64) -> f64 {
     let [a, b, c, d] = battery.thrust_from_v_n;
     let v = open_v - battery.resistance_ohm * current_a;

@@ -1,5 +1,4 @@
-//! Draws the bound of position estimates as SVG: strokes colored by the bound, and the room from
-//! above.
+//! Draws the bound on position errors as SVG: colored strokes, and the room from above.
 
 use std::ops::Range;
 
@@ -13,39 +12,39 @@ use noctograph_plan::Plan;
 use noctograph_sim::Bound;
 use noctograph_sim::sensors::UwbOptions;
 
-/// Width of each of the two views, width of the margins, and width of the legend.
+/// Widths of each of the two views, of the margins, and of the legend.
 const VIEW_PX: f64 = 420.0;
 const MARGIN_PX: f64 = 56.0;
 const LEGEND_PX: f64 = 130.0;
-/// Height of capitals.
+/// Cap height.
 const CAP_PX: f64 = 9.0;
-/// Time between two points of the drawn path.
+/// Time step along the drawn path.
 const STEP_S: f64 = 0.05;
 
 /// Returns a square window around points in meters, whose left edge is at `left_px`.
 fn view(points: impl IntoIterator<Item = [f64; 2]>, left_px: f64) -> Window {
     let [left, bottom, right, top] = geometry::bounds(points);
-    // The window spans at least a decimeter, because a single point has no extent.
+    // The window spans at least 0.1 m, because a single point has no extent.
     let span_m = (right - left).max(top - bottom).max(0.1);
     let middle_m = Point::new(0.5 * (left + right), 0.5 * (bottom + top));
     let corner_m = middle_m + 0.5 * span_m * Vec2::new(-1.0, 1.0);
     Window { corner_px: Point::new(left_px, MARGIN_PX), corner_m, px_per_m: VIEW_PX / span_m }
 }
 
-/// Returns the anchor with which a label at `x_px` stays within its view.
+/// Returns the anchor that keeps a label at `x_px` within its view.
 fn anchor(view: &Window, x_px: f64) -> Anchor {
     if x_px > view.corner_px.x + 0.5 * VIEW_PX { Anchor::End } else { Anchor::Start }
 }
 
-/// Returns an SVG of all drones' strokes colored by the bound, next to a view of the anchors from
-/// above with the best position for one more anchor.
+/// Returns an SVG of all drones' strokes colored by the bound, beside a top view of the anchors
+/// that marks the best position for an additional one.
 pub fn bound_map(
     plans: &[&Plan],
     bounds: &[Bound],
     uwb: &UwbOptions,
     one_more_m: [f64; 3],
 ) -> String {
-    // One view shows the plans from the front, the other the plans and the anchors from above.
+    // One view shows the plans from the front, the other shows plans and anchors from above.
     let flown_m = plans.iter().flat_map(|plan| &plan.setpoints).map(|s| s.position_m);
     let anchors_m = uwb.anchors_m.iter().chain([&one_more_m]).map(|[x, y, _]| [*x, *y]);
     let front = view(flown_m.clone().map(|p| [p.x, p.z]), MARGIN_PX);
@@ -73,20 +72,20 @@ pub fn bound_map(
     canvas.svg()
 }
 
-/// Returns the range of the bound over lit strokes, which is the range of the colors.
+/// Returns the range of the bound over lit strokes, which the colors represent.
 fn lit_m(bounds: &[Bound]) -> Range<f64> {
     let samples = bounds.iter().flat_map(|bound| bound.sigma_m.iter().zip(&bound.letter));
     let lit_m = range(samples.filter_map(|(sigma_m, letter)| letter.and(Some(*sigma_m))));
     if lit_m.start > lit_m.end { 0.0..1.0 } else { lit_m }
 }
 
-/// Writes black text whose lower left corner is `left`.
+/// Writes black text with its lower left corner at `left`.
 fn label(canvas: &mut Canvas, left: Point, text: &str) {
     canvas.text(text, left, Anchor::Start, CAP_PX, [0; 3]);
 }
 
-/// Draws a drone's path from the front, with lit strokes in the color of their bound, and the rest
-/// as a thin line.
+/// Draws a drone's path from the front. Lit strokes have the color of their bound, and the rest is
+/// a thin line.
 fn draw_strokes(
     canvas: &mut Canvas,
     front: &Window,
@@ -94,7 +93,7 @@ fn draw_strokes(
     bound: &Bound,
     lit_m: &Range<f64>,
 ) {
-    // Samples are thinned to a time step that viewers can still distinguish.
+    // Samples are thinned to a time step that remains visible.
     let (mut last_s, mut last) = (f64::NEG_INFINITY, None);
     for ((time_s, sigma_m), letter) in bound.time_s.iter().zip(&bound.sigma_m).zip(&bound.letter) {
         if time_s - last_s < STEP_S {
@@ -123,8 +122,7 @@ fn draw_anchors(canvas: &mut Canvas, above: &Window, uwb: &UwbOptions, n_drones:
         let n_hear = uwb.heard.iter().filter(|heard| heard.contains(&index)).count();
         let is_heard_by_all = uwb.heard.is_empty() || n_hear == n_drones;
         let by = if is_heard_by_all { "all".to_owned() } else { n_hear.to_string() };
-        // Labels of anchors within 80 pixels of each other, such as those on one pole, are placed
-        // one below the other.
+        // Labels of anchors within 80 pixels of each other, such as those on one pole, are stacked.
         let line = drawn.iter().filter(|other| (**other - center).hypot2() < 80.0 * 80.0).count();
         let down_px = if line == 0 { -10.0 } else { 4.0 + 16.0 * line as f64 };
         canvas.dot(center, 6.0, BLUE);
@@ -135,7 +133,7 @@ fn draw_anchors(canvas: &mut Canvas, above: &Window, uwb: &UwbOptions, n_drones:
     }
 }
 
-/// Draws the legend of the colors in centimeters.
+/// Draws the color legend in centimeters.
 fn draw_legend(canvas: &mut Canvas, lit_m: &Range<f64>) {
     let x = 3.0 * MARGIN_PX + 2.0 * VIEW_PX - 20.0;
     label(canvas, Point::new(x, MARGIN_PX), "1 \u{3c3} over 3 axes");

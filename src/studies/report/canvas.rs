@@ -1,7 +1,7 @@
-//! Draws lines, cells and text on white or over a photo, as SVG or as pixels.
+//! Draws lines, cells and text on a white background or a photo, as SVG or as pixels.
 //!
 //! Pixel coordinates start at the upper left corner, with y down. Text uses the viewer's sans-serif
-//! typeface in SVG, and single strokes in pixels.
+//! typeface in SVG, and a single-stroke font in pixels.
 
 use base64::prelude::{BASE64_STANDARD, Engine};
 use kurbo::{Point, Rect, Vec2};
@@ -12,17 +12,17 @@ use tiny_skia::{
 use noctograph_letters::{Cell, Font, Trace};
 use noctograph_picture::photo::{self, Photo, PhotoData};
 
-/// A color: red, green, blue.
+/// Red, green and blue levels of a color.
 pub(super) type Rgb = [u8; 3];
 
-/// Height of capitals relative to the font size.
+/// Cap height relative to the font size.
 pub(super) const CAP_RATIO: f64 = 0.7;
 
-/// Width of the strokes of text, and the space between characters, relative to the cap height.
+/// Stroke width of text, and space between characters, relative to the cap height.
 const STROKE_RATIO: f64 = 0.12;
 const SPACE_RATIO: f64 = 0.25;
 
-/// Attributes of a group of shapes in an SVG file, including the end of its tag.
+/// Attributes of a group of shapes in an SVG file, including the end of the tag.
 const GROUP: &str = "fill=\"none\" stroke-linecap=\"round\" stroke-linejoin=\"round\">\n";
 
 /// Style of a line.
@@ -31,7 +31,7 @@ pub(super) struct Pen {
     pub(super) color: Rgb,
     pub(super) width_px: f64,
     pub(super) dashed: bool,
-    /// True if the area inside the line is filled with a light shade.
+    /// True if the enclosed area is shaded lightly.
     pub(super) filled: bool,
 }
 
@@ -42,13 +42,13 @@ impl Pen {
     }
 }
 
-/// The point on the lower edge of a text that is placed at the given position.
+/// Point on the lower edge of a text that is aligned with the given position.
 #[derive(Clone, Copy)]
 pub(super) enum Anchor {
     Start,
     Middle,
     End,
-    /// The middle of the text, which is rotated to read upward.
+    /// Middle of a text that is rotated to read upward.
     Upward,
 }
 
@@ -63,7 +63,7 @@ pub(super) trait Surface {
     /// Draws a filled disk.
     fn dot(&mut self, center: Point, radius_px: f64, color: Rgb);
 
-    /// Writes text whose lower left corner is `corner` and whose capitals are `cap_px` high.
+    /// Writes text with its lower left corner at `corner` and capitals `cap_px` high.
     fn write(&mut self, text: &str, corner: Point, cap_px: f64, color: Rgb);
 
     /// Draws the outline of a disk as a polygon with 24 corners.
@@ -76,7 +76,7 @@ pub(super) trait Surface {
     }
 }
 
-/// Maps a plane of the world, with y up, to pixels by a scale and by its upper left corner in both.
+/// Maps a plane of the world, m, to pixels, given a scale and both upper left corners.
 pub(super) struct Window {
     pub(super) corner_px: Point,
     pub(super) corner_m: Point,
@@ -107,7 +107,7 @@ impl Canvas {
         Self::new(size_px, "<rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n")
     }
 
-    /// Creates a canvas over a photo, which is embedded in the file.
+    /// Creates a canvas over a photo that is embedded in the file.
     pub(super) fn over(photo: &Photo) -> Self {
         let PhotoData { width_px, height_px, .. } = &**photo;
         let image = format!(
@@ -151,7 +151,7 @@ impl Canvas {
         cap_px: f64,
         color: Rgb,
     ) {
-        // Upward text is rotated about its anchor.
+        // Upward text is rotated about its anchor point.
         let (anchor, rotation) = match anchor {
             Anchor::Start => ("start", String::new()),
             Anchor::Middle => ("middle", String::new()),
@@ -205,7 +205,7 @@ impl Surface for Canvas {
     }
 }
 
-/// A copy of a photo to draw on.
+/// A copy of a photo that serves as a drawing surface.
 pub(super) struct Pixels {
     pixels: Pixmap,
     font: Font,
@@ -237,7 +237,7 @@ impl Pixels {
         let (mut lines, mut right) = (Vec::new(), 0.0);
         for character in text.chars() {
             let Some(aspect) = self.font.aspect(character) else { continue };
-            // The cell's unit is pixels instead of meters, and its baseline is at y = 0.
+            // Here the cell is measured in pixels instead of meters, with the baseline at y = 0.
             let (width_m, cap_height_m) = (aspect * cap_px, cap_px);
             let cell = Cell { left_m: right, baseline_m: 0.0, width_m, cap_height_m };
             let moves = self.font.glyph(character, cell).map_or(Vec::new(), |glyph| glyph.moves);

@@ -1,4 +1,4 @@
-//! Draws a coverage map as SVG, with colors for the error, and grays for fewer than two stations.
+//! Draws a coverage map as SVG, with colors for the error and grays for fewer than two stations.
 
 use kurbo::{Point, Rect, Vec2};
 
@@ -6,15 +6,15 @@ use super::canvas::{Anchor, Canvas, Pen, Rgb, Surface, Window};
 use super::figure::{BLACK, number, ticks};
 use noctograph_sim::sensors::{Coverage, CoveredPoint};
 
-/// Length of the map's longer side, pixels.
+/// Length of the map's longer side.
 const SIDE_PX: f64 = 720.0;
-/// Assumed length of an axis when its ticks are chosen, which gives at most nine numbers.
+/// Axis length assumed for choosing ticks, which gives at most nine numbers.
 const AXIS_PX: f64 = 540.0;
-/// Margins, pixels: axis at the left, title above, axis below, and legend at the right.
+/// Margins: axis at the left, title above, axis below, and legend at the right.
 const MARGINS_PX: [f64; 4] = [60.0, 56.0, 52.0, 190.0];
-/// Minimum width of the drawing, which its title needs.
+/// Minimum width of the drawing, which the title requires.
 const TITLE_PX: f64 = 580.0;
-/// Height of capitals.
+/// Cap height.
 const CAP_PX: f64 = 9.0;
 /// Five colors of the viridis map (van der Walt, Smith 2015), from small to large errors.
 const VIRIDIS: [[f64; 3]; 5] = [
@@ -27,7 +27,7 @@ const VIRIDIS: [[f64; 3]; 5] = [
 const ONE_STATION: Rgb = [184; 3];
 const NO_STATION: Rgb = [90; 3];
 
-/// Returns an SVG of a coverage map, with a frame around the word's bounds if they are given.
+/// Returns an SVG of a coverage map, with a frame around the word if its bounds are given.
 pub fn coverage_map(grid: &Coverage, word_m: Option<[f64; 4]>) -> String {
     let map = Map::new(grid);
     let frame = map.window.rect_px(map.extent_m);
@@ -58,12 +58,12 @@ struct Map<'a> {
     extent_m: Rect,
     window: Window,
     /// Errors at the first and the last color: the smallest error and the 95th percentile, so that
-    /// a few distant places do not use up the colors.
+    /// a few distant points do not use up the color range.
     errors_m: [f64; 2],
 }
 
 impl<'a> Map<'a> {
-    /// Creates the map at its place below the title and to the right of the axis.
+    /// Creates the map below the title and to the right of the axis.
     fn new(grid: &'a Coverage) -> Self {
         let sorted_m = grid.errors_m();
         let color_ends_m = sorted_m.first().zip(sorted_m.get(sorted_m.len() * 95 / 100));
@@ -78,12 +78,12 @@ impl<'a> Map<'a> {
         Self { grid, extent_m, window, errors_m }
     }
 
-    /// Draws a rectangle for each run of equal colors in a row. The edges of a rectangle are midway
-    /// between places.
+    /// Draws a rectangle for each run of equal colors in a row. The edges of each rectangle lie
+    /// midway between neighboring points.
     fn draw_cells(&self, canvas: &mut Canvas) {
         let grid = self.grid;
         for (row, colors) in grid.places.chunks_exact(grid.x_m.len()).enumerate() {
-            // Neighbors of equal color become one rectangle, which keeps the file small.
+            // Neighbors of equal color are merged into one rectangle, which keeps the file small.
             let colors: Vec<Rgb> = colors.iter().map(|place| self.color(place)).collect();
             let [low_m, high_m] = edges_m(&grid.z_m, row, row);
             let mut first = 0;
@@ -96,7 +96,7 @@ impl<'a> Map<'a> {
         }
     }
 
-    /// Returns the color of a place: gray for fewer than two stations, or that of its error.
+    /// Returns the color of a point: gray for fewer than two stations, otherwise that of its error.
     fn color(&self, place: &CoveredPoint) -> Rgb {
         match (place.n_stations, place.error_m) {
             (0, _) => NO_STATION,
@@ -112,7 +112,7 @@ impl<'a> Map<'a> {
     fn draw_axes(&self, canvas: &mut Canvas, frame: Rect) {
         let (pen, Rect { x0: left, y0: above, y1: bottom, .. }) = (Pen::new(BLACK, 1.0), frame);
         canvas.frame(frame, pen);
-        // Ticks are outside the frame, so that they hide no cell.
+        // Ticks are drawn outside the frame so that they do not cover any cell.
         let Rect { x0, y0, x1, y1 } = self.extent_m;
         for x_m in ticks(&(x0..x1), AXIS_PX) {
             let end = Point::new(self.window.px(Point::new(x_m, 0.0)).x, bottom);
@@ -131,7 +131,7 @@ impl<'a> Map<'a> {
         canvas.text("z (m)", beside, Anchor::End, CAP_PX, BLACK);
     }
 
-    /// Draws the legend whose upper left corner is `corner`.
+    /// Draws the legend with its upper left corner at `corner`.
     fn draw_legend(&self, canvas: &mut Canvas, corner: Point) {
         let title = corner + Vec2::new(0.0, 12.0);
         canvas.text("error, 1 σ", title, Anchor::Start, CAP_PX, BLACK);
@@ -155,8 +155,7 @@ impl<'a> Map<'a> {
     }
 }
 
-/// Returns the outer edges of the cells from `first` to `last`, which are midway to their
-/// neighbors.
+/// Returns the outer edges of the cells from `first` to `last`, midway between neighbors.
 fn edges_m(places_m: &[f64], first: usize, last: usize) -> [f64; 2] {
     [(first.saturating_sub(1), first), (last, (last + 1).min(places_m.len() - 1))]
         .map(|(i, j)| 0.5 * (places_m[i] + places_m[j]))
@@ -186,12 +185,12 @@ mod tests {
             let (_, rest) = line.split_once(&format!(" {key}=\"")).unwrap();
             rest.split_once('"').unwrap().0.parse().unwrap()
         }
-        // The cells of the legend are 18 pixels wide, and are excluded.
+        // The legend's cells, which are 18 pixels wide, are excluded.
         let cells = map.lines().filter(|line| line.contains("crispEdges"));
         let cells: Vec<&str> = cells.filter(|line| !line.contains("width=\"18.0\"")).collect();
         let filled: f64 = cells.iter().map(|c| value(c, "width") * value(c, "height")).sum();
         assert!((filled / (720.0 * 360.0) - 1.0).abs() < 1e-3, "{filled} of {}", 720.0 * 360.0);
-        // The colors are those of places without stations, and of the smallest and largest error.
+        // The colors stand for points without stations, and for the smallest and the largest error.
         for color in ["#5a5a5a", "#440154", "#fde725"] {
             assert!(cells.iter().any(|cell| cell.contains(color)), "{color}");
         }

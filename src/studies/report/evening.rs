@@ -1,4 +1,4 @@
-//! Builds the page of an evening, with its flights, drones over time, and conditions.
+//! Builds the page for an evening: its flights, the drones over time, and the conditions.
 
 use super::Page;
 use super::canvas::{Pen, Rgb};
@@ -24,7 +24,7 @@ pub fn evening_page(title: &str, evening: &Evening, printed: &str, conditions: &
          which the motors compensate. Gusts are those that would rotate a drone as its air did. A \
          dash stands for a figure that the log does not show.",
     );
-    // There is a panel for each figure, with a curve for each drone over its valid flights.
+    // Each figure has a panel, with one curve per drone over its valid flights.
     let most_logs = drones.iter().map(|(_, logs)| logs.len()).max().unwrap_or(1);
     let panels: [(&str, f64, Select); 4] = [
         ("thrust (%)", 4.0, |f| Some(100.0 * f.thrust_frac)),
@@ -56,14 +56,14 @@ pub fn evening_page(title: &str, evening: &Evening, printed: &str, conditions: &
     page.section("Conditions").printed(conditions)
 }
 
-/// Returns the curve of a figure over a drone's valid flights, in their order.
+/// Returns the curve of a figure over a drone's valid flights in sequence.
 fn curve(logs: &[EveningLog], figure: Select, color: Rgb) -> Curve {
     let sound = logs.iter().filter(|log| log.flaws.is_empty()).enumerate();
     let points = sound.filter_map(|(index, log)| {
         Some((index as f64 + 1.0, log.figures.as_ref().and_then(figure)?))
     });
     let points: Vec<(f64, f64)> = points.collect();
-    // Each flight gets a short bar, so that a single flight is visible.
+    // Each flight is drawn as a short bar, so that a single flight is visible.
     let bars = points.iter().map(|(x, y)| vec![(x - 0.1, *y), (x + 0.1, *y)]);
     let pieces = bars.chain([points.clone()]).filter(|piece| piece.len() > 1).collect();
     Curve { pen: Pen::new(color, 2.0), pieces }

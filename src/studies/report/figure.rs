@@ -1,4 +1,4 @@
-//! Draws figures as SVG: panels one below the other, with a title and a legend above them.
+//! Draws figures as SVG: stacked panels below a title and a legend.
 
 use std::ops::Range;
 
@@ -10,17 +10,16 @@ use super::canvas::{Anchor, CAP_RATIO, Canvas, Pen, Rgb, Surface};
 pub(super) const WIDTH_PX: f64 = 800.0;
 /// Left and right margins of a panel, which contain the labels of its axis.
 const SIDES_PX: [f64; 2] = [72.0, 24.0];
-/// Width of the outer part of the margin, which stays empty.
+/// Width of the outer part of the margin, which is left empty.
 const EDGE_PX: f64 = 12.0;
 /// Width of a panel.
 pub(super) const PANEL_WIDTH_PX: f64 = WIDTH_PX - SIDES_PX[0] - SIDES_PX[1];
-/// Height of the space above the first panel, which has room for two rows of the legend.
+/// Height of the space above the first panel, enough for two legend rows.
 const HEAD_PX: f64 = 72.0;
-/// Height of a row of the legend, and width of its line samples.
+/// Height of a legend row, and width of its line samples.
 const LEGEND_ROW_PX: f64 = 18.0;
 const LEGEND_LINE_PX: f64 = 28.0;
-/// Height of the space below each panel, and of the additional space below the last one for the
-/// name of its axis.
+/// Height of the space below each panel, and of that below the last one for the axis name.
 const BELOW_PX: [f64; 2] = [28.0, 18.0];
 /// Font sizes of numbers, names, titles and marks, and the height reserved for a mark.
 const NUMBER_EM_PX: f64 = 11.3;
@@ -28,18 +27,18 @@ const NAME_EM_PX: f64 = 12.1;
 const TITLE_EM_PX: f64 = 16.1;
 const MARK_EM_PX: f64 = 9.7;
 const MARK_PX: f64 = 12.0;
-/// Distances from the lower edge of a text to its middle and to its top, relative to the font size.
+/// Heights of the middle and the top of a text above its lower edge, relative to the font size.
 const MIDDLE_RATIO: f64 = 0.26;
 const ASCENT_RATIO: f64 = 0.76;
-/// Length of an axis's ticks, and distance between an axis and its numbers.
+/// Length of a tick, and distance between an axis and its numbers.
 const TICK_PX: f64 = 4.0;
 const LABEL_PX: f64 = 8.0;
-/// Space that each number needs along an axis, and the minimum number of numbers.
+/// Axis length needed for each number, and the minimum number of ticks.
 const ROOM_PX: f64 = 60.0;
 const LEAST_NUMBERS: f64 = 4.0;
 /// Minimum distance between two consecutive points of a curve.
 const THINNEST_PX: f64 = 0.4;
-/// Step along the curves at which marks are checked for overlaps.
+/// Step along the curves in the test for overlaps with marks.
 const STEP_PX: f64 = 3.0;
 
 pub(super) const BLACK: Rgb = [0, 0, 0];
@@ -49,7 +48,7 @@ pub(super) const GRAY: Rgb = [186, 186, 186];
 const INK: Rgb = [64, 64, 64];
 const GRID: Rgb = [232, 232, 232];
 
-/// A line through points, which may consist of several pieces.
+/// A line through points, possibly in several pieces.
 #[derive(Clone, Debug)]
 pub(super) struct Curve {
     pub(super) pen: Pen,
@@ -68,12 +67,12 @@ impl Curve {
     }
 }
 
-/// A pair of axes with the curves drawn over them.
+/// A pair of axes with curves.
 #[derive(Clone, Debug)]
 pub(super) struct Panel {
     pub(super) x: Range<f64>,
     pub(super) y: Range<f64>,
-    /// True if the horizontal axis has only whole numbers.
+    /// True if the horizontal axis shows only whole numbers.
     pub(super) counts: bool,
     pub(super) height_px: f64,
     pub(super) y_name: &'static str,
@@ -100,7 +99,7 @@ pub(super) struct Mark {
     pub(super) text: String,
 }
 
-/// Panels with their title and legend.
+/// Panels below a title and a legend.
 #[derive(Clone, Debug)]
 pub(super) struct Figure {
     pub(super) title: String,
@@ -111,14 +110,14 @@ pub(super) struct Figure {
 }
 
 impl Figure {
-    /// Returns the figure as an SVG document, [`WIDTH_PX`] wide.
+    /// Returns the figure as an SVG document with a width of [`WIDTH_PX`].
     pub(super) fn svg(&self) -> String {
         let (places, n_rows) = self.legend_places();
         let mut top_px = HEAD_PX + LEGEND_ROW_PX * f64::from(n_rows.saturating_sub(2));
         let panels_px: f64 = self.panels.iter().map(|panel| panel.height_px + BELOW_PX[0]).sum();
         let mut canvas = Canvas::white([WIDTH_PX, top_px + panels_px + BELOW_PX[1] + EDGE_PX]);
         self.draw_title(&mut canvas);
-        // A single row stands in the middle of the space for two rows.
+        // A single row is centered in the space for two rows.
         let first_px = if n_rows > 1 { 44.0 } else { 50.0 };
         for ((name, pen), (left_px, row)) in self.legend.iter().zip(places) {
             let left = Point::new(left_px, first_px + f64::from(row) * LEGEND_ROW_PX);
@@ -137,17 +136,17 @@ impl Figure {
         canvas.svg()
     }
 
-    /// Draws the title, in a smaller font if it is long.
+    /// Draws the title, with a smaller font if the title is long.
     fn draw_title(&self, canvas: &mut Canvas) {
         let title = self.title.replace('\n', " / ");
-        // Font size at which the title is as wide as the panel, if a character is 0.6 em wide.
+        // At this font size the title is as wide as the panel, assuming characters 0.6 em wide.
         let narrow_px = 1.6 * PANEL_WIDTH_PX / title.chars().count().max(1) as f64;
         let em_px = narrow_px.clamp(1.6, TITLE_EM_PX);
         let left = Point::new(SIDES_PX[0], 24.0 + MIDDLE_RATIO * em_px);
         text(canvas, &title, left, Anchor::Start, em_px);
     }
 
-    /// Returns the left end and the row of each entry of the legend, and the total number of rows.
+    /// Returns the left end and the row of each legend entry, and the total number of rows.
     fn legend_places(&self) -> (Vec<(f64, u32)>, u32) {
         let (mut left_px, mut row) = (SIDES_PX[0], 0);
         let mut places = Vec::new();
@@ -180,7 +179,7 @@ impl Panel {
         }
     }
 
-    /// Converts a data point to pixels from the panel's upper left corner.
+    /// Converts a data point to pixels relative to the panel's upper left corner.
     fn px(&self, (x, y): (f64, f64)) -> Point {
         // Data units per pixel.
         let [x_per_px, y_per_px] = [(&self.x, PANEL_WIDTH_PX), (&self.y, self.height_px)]
@@ -194,7 +193,7 @@ impl Panel {
         let [right, down] = [Vec2::new(PANEL_WIDTH_PX, 0.0), Vec2::new(0.0, self.height_px)];
         let mut x_ticks = ticks(&self.x, PANEL_WIDTH_PX);
         x_ticks.retain(|x| !self.counts || x.fract() == 0.0);
-        // Each grid line meets the axis at its end, next to which its number is written.
+        // Each grid line ends at the axis, where its number is written.
         let x_ends = x_ticks.into_iter().map(|x| (x, self.px((x, self.y.start)) + corner));
         let y_ticks = ticks(&self.y, self.height_px).into_iter();
         let y_ends = y_ticks.map(|y| (y, self.px((self.x.start, y)) + corner));
@@ -220,16 +219,16 @@ impl Panel {
         text(canvas, self.y_name, middle, Anchor::Upward, NAME_EM_PX);
     }
 
-    /// Returns the rectangles of the marks' texts, in pixels from the panel's upper left corner.
-    /// Each mark gets the nearest place that is inside the panel, that no earlier mark covers and,
-    /// if possible, that no curve crosses.
+    /// Returns the rectangles of the marks' texts, in pixels relative to the panel's upper left
+    /// corner. Each mark is placed at the nearest position inside the panel that no earlier mark
+    /// covers and, if possible, that no curve crosses.
     fn mark_places(&self) -> Vec<Rect> {
         let (drawn, panel) = (self.drawn_px(), Rect::new(0.0, 0.0, PANEL_WIDTH_PX, self.height_px));
         let mut taken: Vec<Rect> = Vec::new();
         for mark in &self.marks {
             let point = self.px(mark.place);
             let wide_px = 0.6 * MARK_PX * mark.text.chars().count() as f64;
-            // Places are in rows above and below the point: to its right, to its left, and
+            // Candidate positions are above and below the point: to its right, to its left, and
             // centered.
             let mut places = Vec::new();
             for row in 1..=6 {
@@ -253,7 +252,7 @@ impl Panel {
         taken
     }
 
-    /// Returns points on all curves, at most [`STEP_PX`] apart, in pixels within the panel.
+    /// Returns points along all curves, at most [`STEP_PX`] apart, in pixels within the panel.
     fn drawn_px(&self) -> Vec<Point> {
         // Each line segment is divided into equal steps.
         let pieces = self.curves.iter().flat_map(|curve| &curve.pieces);
@@ -269,7 +268,7 @@ impl Panel {
     }
 }
 
-/// Returns the points without those that are closer than [`THINNEST_PX`] to the last point kept.
+/// Returns the points, omitting those closer than [`THINNEST_PX`] to the last point kept.
 fn thinned(points: impl Iterator<Item = Point>) -> Vec<Point> {
     let (mut kept, mut last_point): (Vec<Point>, _) = (Vec::new(), None);
     for point in points {
@@ -278,31 +277,31 @@ fn thinned(points: impl Iterator<Item = Point>) -> Vec<Point> {
             kept.push(point);
         }
     }
-    // The last point is always kept, so that the curve keeps its full length.
+    // The last point is always kept, so that the curve retains its full length.
     if kept.last() != last_point.as_ref() {
         kept.extend(last_point);
     }
     kept
 }
 
-/// Draws text of a font size in the color of the axes.
+/// Draws text at the given font size in the color of the axes.
 fn text(canvas: &mut Canvas, text: &str, point: Point, anchor: Anchor, em_px: f64) {
     canvas.text(text, point, anchor, CAP_RATIO * em_px, INK);
 }
 
-/// Returns the range from smallest to largest value. Without values its start is after its end.
+/// Returns the range from smallest to largest value. Without values its start exceeds its end.
 pub(super) fn range(values: impl IntoIterator<Item = f64>) -> Range<f64> {
     let empty = f64::INFINITY..f64::NEG_INFINITY;
     values.into_iter().fold(empty, |range, x| range.start.min(x)..range.end.max(x))
 }
 
-/// Returns round numbers within a range, as many as fit on an axis of `length_px`. The numbers are
+/// Returns as many round numbers within a range as fit on an axis of `length_px`. The numbers are
 /// multiples of 1, 2 or 5 times a power of ten.
 pub(super) fn ticks(range: &Range<f64>, length_px: f64) -> Vec<f64> {
     let most = (length_px / ROOM_PX).floor().max(LEAST_NUMBERS);
     let decade = libm::floor(libm::log10((range.end - range.start) / most));
     for step in [1.0, 2.0, 5.0, 10.0] {
-        // Ticks are an integer · times / parts, so that tenths are rounded only once.
+        // Ticks are computed as integer · times / parts, so that tenths are rounded only once.
         let [times, parts] = if decade < 0.0 {
             [step, libm::pow(10.0, -decade)]
         } else {
@@ -321,7 +320,7 @@ pub(super) fn ticks(range: &Range<f64>, length_px: f64) -> Vec<f64> {
     Vec::new()
 }
 
-/// Formats a number with as many decimals as it needs, at most three, and a typographic minus sign.
+/// Formats a number with a typographic minus sign and as many decimals as needed, at most three.
 pub(super) fn number(value: f64) -> String {
     let rounded = (value * 1000.0).round() / 1000.0 + 0.0;
     rounded.to_string().replace('-', "−")

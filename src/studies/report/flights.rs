@@ -14,13 +14,13 @@ use noctograph_plan::tracking::CORRIDOR_M;
 pub struct NamedFlight {
     /// Name of the flight in the legend.
     pub name: String,
-    /// Samples to draw, in order of time. A design that is zero everywhere counts as no design.
+    /// Samples to draw, in order of time. A design that is zero everywhere counts as missing.
     pub samples: Vec<FlightSample>,
 }
 
-/// Maximum time between two samples that a line connects.
+/// Maximum time between two samples that are connected by a line.
 const LONGEST_LINE_S: f64 = 0.2;
-/// Minimum height of a panel with equal scales on both axes, to which a tall flight is fitted.
+/// Minimum and maximum height of a panel with equal scales on both axes.
 const VIEW_PX: [f64; 2] = [160.0, 720.0];
 const DESIGN: Pen = Pen::new(GRAY, 5.0);
 const CORRIDOR: Pen = Pen::new(BLACK, 1.5);
@@ -37,18 +37,18 @@ pub fn top_view(traces: &[NamedFlight]) -> String {
 }
 
 /// Returns an SVG of the flights from the front, with x to the right and z up, over the first
-/// trace's design. Panics if there are no traces or samples.
+/// trace's design. Panics without traces or samples.
 pub fn front_view(traces: &[NamedFlight]) -> String {
     View::new(traces, |p| (p.x, p.z)).svg_from_front("Flight from the front")
 }
 
-/// Returns an SVG of the flown minus the designed position over time, with a panel for each axis.
-/// Each flight is compared with its own design. Panics if there are no traces or samples.
+/// Returns an SVG of the flown minus the designed position over time, with one panel per axis. Each
+/// flight is compared with its own design. Panics without traces or samples.
 pub fn error_over_time(traces: &[NamedFlight]) -> String {
     let start_s = traces.iter().map(|t| t.samples[0].time_s).fold(f64::INFINITY, f64::min);
     let ends_s = traces.iter().map(|t| t.samples[t.samples.len() - 1].time_s);
     let time_s = start_s..ends_s.fold(start_s + 0.1, f64::max);
-    // Flights without a design are omitted, because they have no error.
+    // Flights without a design are omitted, because their error is undefined.
     let designed: Vec<_> = pens(traces).filter(|(trace, _)| trace.has_design()).collect();
     let panels = error_panels(&time_s, 0.05, |axis| {
         let curves = designed.iter().rev().map(|(trace, pen)| {
@@ -65,8 +65,8 @@ pub fn error_over_time(traces: &[NamedFlight]) -> String {
     .svg()
 }
 
-/// Returns a panel for each axis with curves of errors over time. All panels have the same scale,
-/// which is centered at zero and reaches to at least `least_m`.
+/// Returns one panel per axis with curves of errors over time. All panels have the same scale,
+/// which is centered at zero and extends to at least `least_m`.
 pub(super) fn error_panels(
     time_s: &Range<f64>,
     least_m: f64,
@@ -76,7 +76,7 @@ pub(super) fn error_panels(
     let errors_m = axes.iter().flatten().flat_map(Curve::points).map(|(_, error_m)| error_m.abs());
     let most_m = 1.05 * errors_m.fold(least_m, f64::max);
     let zero = Curve::whole(Pen::new(BLACK, 1.0), [(time_s.start, 0.0), (time_s.end, 0.0)]);
-    // The zero line is drawn first, below the curves.
+    // The zero line is drawn first, so that the curves cover it.
     let names = ["x error (m)", "y error (m)", "z error (m)"];
     let panels = names.into_iter().zip(axes).map(|(y_name, curves)| {
         let curves = [vec![zero.clone()], curves].concat();
@@ -85,13 +85,12 @@ pub(super) fn error_panels(
     panels.collect()
 }
 
-/// Number of samples for each point in the plot of loads, which makes 50 ms.
+/// Number of samples per point in the load plot, which gives a point every 50 ms.
 const LOAD_SAMPLES: usize = 12;
 /// Motor command at full power.
 const FULL_COMMAND: f64 = 65_535.0;
 
-/// Returns an SVG of the drones' load over time: the command of the strongest motor, and the
-/// battery's voltage for drones with a battery.
+/// Returns an SVG of the load over time: each drone's largest motor command and battery voltage.
 pub(super) fn load_over_time(flights: &[Flight]) -> String {
     let [power, volts]: [Vec<Curve>; 2] = [power_percent, battery_v].map(|value| {
         let curves = flights.iter().enumerate().map(|(index, flight)| {
@@ -120,8 +119,8 @@ pub(super) fn load_over_time(flights: &[Flight]) -> String {
     .svg()
 }
 
-/// Returns the maximum motor command over [`LOAD_SAMPLES`] samples from `row` on, in percent of
-/// full power. The result is always `Some`, so that the signature matches that of [`battery_v`].
+/// Returns the maximum motor command over [`LOAD_SAMPLES`] samples beginning at `row`, in percent
+/// of full power. The result is always `Some`, so that the signature matches that of [`battery_v`].
 fn power_percent(flight: &Flight, row: usize) -> Option<f64> {
     let samples = flight.samples[row..].iter().take(LOAD_SAMPLES);
     let most = samples.flat_map(|sample| sample.motors).fold(0.0, f64::max);
@@ -144,7 +143,7 @@ fn pens(traces: &[NamedFlight]) -> impl DoubleEndedIterator<Item = (&NamedFlight
 }
 
 impl NamedFlight {
-    /// Returns true if any sample has a design other than zero.
+    /// Returns true if any sample's design is nonzero.
     fn has_design(&self) -> bool {
         self.samples.iter().any(|sample| sample.design_m.norm() > 0.0)
     }
@@ -166,7 +165,7 @@ pub(super) struct View {
 }
 
 impl View {
-    /// Creates the view of all flights over the first design, with the first flight on top.
+    /// Creates a view of all flights over the first design. The first flight is drawn on top.
     fn new(traces: &[NamedFlight], project: impl Fn(nalgebra::Vector3<f64>) -> (f64, f64)) -> Self {
         let mut view = Self::default();
         if let Some(trace) = traces.iter().find(|trace| trace.has_design()) {
@@ -209,7 +208,7 @@ impl View {
     }
 }
 
-/// Returns a range with the same center that is at least `least` long.
+/// Returns a range with the same center and a length of at least `least`.
 fn widened(range: Range<f64>, least: f64) -> Range<f64> {
     let (middle, length) = (0.5 * (range.start + range.end), range.end - range.start);
     let half = 0.5 * length.max(least);

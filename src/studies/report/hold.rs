@@ -19,8 +19,8 @@ const BAND: Pen = Pen::new(GRAY, 1.0);
 const EDGE_SIGMAS: f64 = 5.0;
 
 /// Returns an SVG with five panels over time: altitude, vertical velocity, thrust map, biases, and
-/// innovations in standard deviations. The bands are two standard deviations wide on each side.
-/// Short strokes at the edge of the last panel are readings that the filter rejected.
+/// innovations in standard deviations. The bands extend two standard deviations to each side. Short
+/// strokes at the edge of the last panel mark readings that the filter rejected.
 pub fn hold_figure(flight: &Hold, title: &str) -> String {
     let set = curve(flight, SET, |_| flight.set_m);
     let thrust = vec![
@@ -40,7 +40,7 @@ pub fn hold_figure(flight: &Hold, title: &str) -> String {
     let [altitude, velocity] = [0, 1].map(|index| state(flight, index, ESTIMATE));
     let biases = [state(flight, 4, SECOND), state(flight, 5, ESTIMATE)].concat();
     let end_s = flight.samples.last().map_or(1.0, |last| last.time_s);
-    // The ranges are fixed, so that figures of two flights can be compared.
+    // The ranges are fixed, so that figures of different flights can be compared.
     let panels = [
         (flight.set_m - 0.3..flight.set_m + 0.3, "z (m)", [vec![set], altitude].concat()),
         (-0.5..0.5, "v (m/s)", velocity),
@@ -81,8 +81,8 @@ fn state(flight: &Hold, index: usize, pen: Pen) -> Vec<Curve> {
     ]
 }
 
-/// Returns the curve of a sensor's accepted innovations, in standard deviations, which is
-/// interrupted at rejected ones.
+/// Returns the curve of a sensor's accepted innovations, in standard deviations. The curve is
+/// interrupted at rejected readings.
 fn innovation(flight: &Hold, sensor: AltitudeSensor, pen: Pen) -> Curve {
     let points = flight.samples.iter().map(|sample| {
         let reading = sample.readings.iter().find(|reading| reading.sensor == sensor)?;

@@ -1,4 +1,4 @@
-//! Labels things on a photo: writes a name next to each, with a line to it.
+//! Labels objects on a photo: writes a name next to each, with a line to it.
 
 use kurbo::{Point, Vec2};
 
@@ -6,19 +6,19 @@ use super::canvas::{Pen, Pixels, Surface};
 use noctograph_picture::photo::Photo;
 
 const PEN: Pen = Pen::new([255, 232, 150], 1.3);
-/// Height of capitals.
+/// Cap height.
 const CAP_PX: f64 = 11.0;
-/// Radius of the ring around a labeled thing.
+/// Radius of the ring around a labeled object.
 const RING_PX: f64 = 3.5;
 
-/// A label for a thing on a photo.
+/// Label for an object on a photo.
 #[derive(Clone, Debug)]
 pub struct Label {
     /// Text of the label. Characters that the font `simplex` lacks are omitted.
     pub text: String,
     /// Lower left corner of the text, in pixels from the photo's upper left corner.
     pub text_px: [f64; 2],
-    /// Center of the thing, in pixels from the photo's upper left corner.
+    /// Center of the object, in pixels from the photo's upper left corner.
     pub named_px: [f64; 2],
 }
 
@@ -29,8 +29,8 @@ pub fn labeled(photo: &Photo, labels: &[Label]) -> Photo {
         let [corner, center] = [text_px, named_px].map(|[x, y]| Point::new(*x, *y));
         pixels.write(text, corner, CAP_PX, PEN.color);
         let (_, right) = pixels.letters(text, corner, CAP_PX);
-        // The line begins at the nearest point to the left or right of the text, or above or below
-        // it. `up` is a multiple of the capitals' height.
+        // The line begins to the left or right of the text or, if the object is within its width,
+        // above or below it. `up` is a multiple of the cap height.
         let (from_x, up) = match center.x {
             x if x < corner.x => (corner.x - 0.5 * CAP_PX, 0.5),
             x if x > right => (right + 0.5 * CAP_PX, 0.5),

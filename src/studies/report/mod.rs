@@ -4,7 +4,7 @@
 //! [`Photo`](noctograph_picture::photo::Photo)s. Products out: plots as SVG text, and photos
 //! overlaid on each other ([`photos`]).
 //!
-//! Method: curves are thinned to the resolution of pixels and drawn on one canvas. The bytes depend
+//! Method: curves are thinned to pixel resolution and drawn on one canvas. The output bytes depend
 //! only on the numbers. Text uses the viewer's sans-serif typeface. The colors are those of Okabe
 //! and Ito (2008), which people with any kind of color vision can distinguish.
 //!

@@ -1,5 +1,5 @@
-//! Draws a verdict over its photo, as SVG or as a photo, with intended, missing and surplus
-//! strokes, and each letter's probability.
+//! Draws a verdict over its photo, as SVG or as a photo: intended, missing and surplus strokes, and
+//! the probability of each letter.
 
 use kurbo::{Point, Vec2};
 
@@ -7,7 +7,7 @@ use super::canvas::{Canvas, Pen, Pixels, Rgb, Surface};
 use noctograph_picture::photo::Photo;
 use noctograph_score::{LetterVerdict, Marks, Verdict};
 
-/// Colors that no lamp of a Crazyflie has, because its lamps are white, blue and red.
+/// Colors that differ from those of Crazyflie lamps, which are white, blue and red.
 const INTENDED: Rgb = [0, 200, 120];
 const MISSING: Rgb = [255, 80, 200];
 const STRAY: Rgb = [240, 228, 66];
@@ -16,7 +16,7 @@ const CELL: Rgb = [150, 150, 150];
 /// Height of a label relative to the width of its cell, chosen so that seven characters fit.
 const LABEL_RATIO: f64 = 0.13;
 
-/// Returns the overlay as an SVG file that contains the photo, and a layer for each kind of mark.
+/// Returns the overlay as an SVG file that contains the photo and a layer for each kind of mark.
 pub fn overlay_svg(photo: &Photo, marks: &Marks, verdict: &Verdict) -> String {
     let mut canvas = Canvas::over(photo);
     draw(&mut canvas, photo, marks, verdict);
@@ -37,7 +37,7 @@ pub fn overlay_photo(photo: &Photo, marks: &Marks, verdict: &Verdict) -> Photo {
     pixels.photo()
 }
 
-/// Draws all marks and labels, with the most important ones last.
+/// Draws all marks and labels, the most important ones last.
 fn draw(canvas: &mut impl Surface, photo: &Photo, marks: &Marks, verdict: &Verdict) {
     // Pens are wider on larger photos.
     let pen_px = (f64::from(photo.width_px.max(photo.height_px)) / 800.0).max(0.8);
@@ -70,7 +70,7 @@ fn point([x, y]: &[f64; 2]) -> Point {
     Point::new(*x, *y)
 }
 
-/// Writes the letter with its probability and its first rival above a cell, no wider than the cell.
+/// Writes a letter, its probability and its strongest rival above a cell, no wider than the cell.
 fn label(canvas: &mut impl Surface, corners: &[[f64; 2]], letter: &LetterVerdict) {
     let ([first, second, ..], Some(p)) = (corners, letter.p) else { return };
     let (corner, cap_px) = (point(first), LABEL_RATIO * (second[0] - first[0]));
@@ -108,7 +108,7 @@ mod tests {
         let drawn = overlay_photo(&photo, &marks, &verdict);
         let missing: Vec<usize> =
             (0..200 * 200).filter(|index| drawn.rgb8[3 * index..][..3] == MISSING).collect();
-        // The stem is lit from column 68 to column 73. The drawn line has round ends.
+        // The stem is lit from column 68 to column 73. The line is drawn with round ends.
         assert!(
             !missing.is_empty() && missing.iter().all(|pixel| pixel % 200 > 72),
             "right of the stem"

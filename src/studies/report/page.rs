@@ -1,8 +1,8 @@
 //! Builds a page: one self-contained HTML file that can be opened, printed or handed in.
 //!
-//! It is readable without scripts, prints on A4, and follows the viewer's choice of a light or dark
-//! color scheme. Scripts only add motion: a row of pictures becomes a film, and a path in space
-//! rotates under the pointer.
+//! The page is readable without scripts, prints on A4, and follows the viewer's choice of a light
+//! or dark color scheme. Scripts only add motion: a row of pictures plays as a film, and a path in
+//! space rotates under the pointer.
 
 use base64::prelude::{BASE64_STANDARD, Engine};
 
@@ -39,12 +39,12 @@ impl Page {
         self.with(&format!("<p>{}</p>\n", escaped(text)))
     }
 
-    /// Appends text in the form in which the terminal shows it.
+    /// Appends text formatted as in the terminal.
     pub fn printed(self, text: &str) -> Self {
         self.with(&format!("<pre>{}</pre>\n", escaped(text)))
     }
 
-    /// Appends a table with a header of column names. Appends nothing if there are no rows.
+    /// Appends a table with a header of column names. Appends nothing without rows.
     pub fn table<const N: usize>(
         self,
         names: [&str; N],
@@ -63,22 +63,22 @@ impl Page {
         if rows.is_empty() {
             return self;
         }
-        // Text from users is escaped wherever it enters a page.
+        // Text from users is escaped whenever it is added to a page.
         let rows: String = rows.iter().map(|cells| row("td", cells)).collect();
         let names = row("th", names);
         self.with(&format!("<div class=\"wide\"><table>\n{names}{rows}</table></div>\n"))
     }
 
-    /// Appends a drawing from an SVG file, with an alternative text. Scripts in it do not run.
+    /// Appends a drawing from an SVG file, with alternative text. Scripts inside it do not run.
     pub fn drawing(self, svg: &[u8], alt: &str) -> Self {
         let image = image("svg+xml", svg, alt);
         self.with(&format!("<figure class=\"drawn\">{image}</figure>\n"))
     }
 
-    /// Appends SVG drawings, side by side if there is enough space.
+    /// Appends SVG drawings, side by side if space permits.
     pub fn drawings<T: AsRef<str>>(self, drawings: &[T]) -> Self {
         let figures = drawings.iter().map(|svg| {
-            // An XML declaration is not allowed inside a page.
+            // An XML declaration is not allowed inside an HTML page.
             let svg = svg.as_ref();
             format!("<figure>{}</figure>\n", svg.find("<svg").map_or("", |begin| &svg[begin..]))
         });
@@ -86,8 +86,7 @@ impl Page {
         self.with(&format!("<div class=\"drawings\">\n{figures}</div>\n"))
     }
 
-    /// Appends a photo (JPEG) with an alternative text, and an SVG of the same size for the viewer
-    /// to show on top.
+    /// Appends a photo (JPEG) with alternative text, and an optional SVG overlay of the same size.
     pub fn photo(self, jpeg: &[u8], alt: &str, overlay: Option<&str>) -> Self {
         let image = image("jpeg", jpeg, alt);
         self.with(&match overlay {
@@ -100,7 +99,7 @@ impl Page {
         })
     }
 
-    /// Appends photos (JPEG) with captions in a row. If scripts run, they play as a film.
+    /// Appends a row of photos (JPEG) with captions. If scripts are enabled, they play as a film.
     pub fn film(self, pictures: &[(Vec<u8>, String)]) -> Self {
         self.figures("film", pictures.iter().map(|(jpeg, caption)| (&**jpeg, &**caption)))
     }
@@ -120,8 +119,8 @@ impl Page {
         self.with(&format!("<div class=\"{class}\">\n{figures}</div>\n"))
     }
 
-    /// Appends paths in space that rotate under the pointer. Points are in millimeters, with true
-    /// if they are lit.
+    /// Appends paths in space that rotate under the pointer. Each point is in millimeters, with
+    /// true if the point is lit.
     pub fn paths(self, paths_mm: &[Vec<([i32; 3], bool)>]) -> Self {
         let paths = paths_mm.iter().map(|path| {
             path.iter().map(|([x, y, z], lit)| [*x, *y, *z, i32::from(*lit)]).collect()
@@ -152,7 +151,7 @@ impl Page {
     }
 }
 
-/// Returns an embedded image with an alternative text. `kind` is the subtype of its media type.
+/// Returns an embedded image with alternative text. `kind` is the subtype of its media type.
 fn image(kind: &str, bytes: &[u8], alt: &str) -> String {
     let (alt, base64) = (alt.replace('"', "&quot;"), BASE64_STANDARD.encode(bytes));
     format!("<img alt=\"{alt}\" src=\"data:image/{kind};base64,{base64}\">")

@@ -7,8 +7,8 @@ use kurbo::Vec2;
 use noctograph_core::srgb;
 use noctograph_picture::photo::{Photo, PhotoData};
 
-/// Maps a point `q` of one picture, in pixels from its upper left corner, to `scale R(rotation) q +
-/// shift` in another picture.
+/// Transform that maps a point `q` of one picture, in pixels from the upper left corner, to `scale
+/// R(rotation) q + shift` in another picture.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Similarity {
     /// Pixels of the second picture per pixel of the first.
@@ -20,8 +20,8 @@ pub struct Similarity {
 }
 
 impl Similarity {
-    /// Returns the transform between pairs of points with the least squared error (Umeyama, IEEE
-    /// Transactions on Pattern Analysis 13, 1991).
+    /// Returns the least-squares transform between pairs of points (Umeyama, IEEE Transactions on
+    /// Pattern Analysis 13, 1991).
     pub fn between(pairs: &[[[f64; 2]; 2]]) -> Self {
         let pairs = pairs.iter().map(|pair| pair.map(|[x, y]| Vec2::new(x, y)));
         let n = pairs.len().max(1) as f64;
@@ -56,8 +56,8 @@ impl Similarity {
     }
 }
 
-/// Shrinks a photo so that its longer side has at most `longest_px` pixels. Each pixel becomes the
-/// mean light of the pixels that it replaces. A photo that is small enough is returned unchanged.
+/// Shrinks a photo so that its longer side has at most `longest_px` pixels. Each pixel is set to
+/// the mean light of the pixels that it replaces. A small photo is returned unchanged.
 pub fn shrink(photo: Photo, longest_px: u32) -> Photo {
     let longest = photo.width_px.max(photo.height_px);
     if longest <= longest_px {
@@ -67,7 +67,7 @@ pub fn shrink(photo: Photo, longest_px: u32) -> Photo {
         let side = u64::from(side) * u64::from(longest_px) / u64::from(longest);
         u32::try_from(side).unwrap_or(longest_px).max(1)
     });
-    // A box filter is applied in linear light.
+    // A box filter is applied to linear light.
     let linear = srgb::linear_from_level();
     let mut rgb8 = Vec::with_capacity(3 * width_px as usize * height_px as usize);
     for y in 0..height_px {
@@ -91,25 +91,25 @@ pub fn shrink(photo: Photo, longest_px: u32) -> Photo {
     Photo::made(PhotoData { width_px, height_px, rgb8, ..photo.into_data() })
 }
 
-/// Returns the range of original pixels, out of `n_before`, that pixel `i` out of `n` replaces.
+/// Returns the range of pixels, out of `n_before`, that are replaced by pixel `i` out of `n`.
 fn replaced(i: u32, n: u32, n_before: u32) -> Range<usize> {
     let [begin, end] = [i, i + 1].map(|i| i as usize * n_before as usize / n as usize);
     begin..end.max(begin + 1)
 }
 
-/// Warps a render into a picture of the given size, on black. Returns the picture, and true for
-/// each pixel that the render covers.
+/// Warps a render into a black picture of the given size. Returns the picture, and true for each
+/// pixel that the render covers.
 pub fn placed(
     render: &Photo,
     transform: &Similarity,
     [width_px, height_px]: [u32; 2],
 ) -> (Photo, Vec<bool>) {
     let back = transform.inverse();
-    // A larger render is shrunk first, because its trails would have gaps otherwise.
+    // A larger render is shrunk first, because otherwise its trails would have gaps.
     let longest_px = f64::from(render.width_px.max(render.height_px)) * transform.scale.min(1.0);
     #[expect(clippy::cast_possible_truncation, reason = "a side")]
     let small = shrink(render.clone(), (longest_px.round() as u32).max(1));
-    // Both sides are rounded, so that the two ratios differ slightly.
+    // Both sides are rounded, so the two ratios differ slightly.
     let ratio = [
         f64::from(small.width_px) / f64::from(render.width_px),
         f64::from(small.height_px) / f64::from(render.height_px),
@@ -128,7 +128,7 @@ pub fn placed(
                 rgb8.extend([0; 3]);
                 continue;
             }
-            // Bilinear interpolation in linear light.
+            // Linear light is interpolated bilinearly.
             let [(columns, u), (rows, v)] = [between(x, w), between(y, h)];
             rgb8.extend([0, 1, 2].map(|c| {
                 let [above, below] = rows.map(|row| {
@@ -145,8 +145,7 @@ pub fn placed(
     (Photo::made(PhotoData { width_px, height_px, rgb8, scene_toml: None }), covered)
 }
 
-/// Returns the two pixels around a coordinate on a side of `n` pixels, and the weight of the
-/// second.
+/// Returns the two pixels around a coordinate on a side of `n` pixels, and the second's weight.
 fn between(coordinate: f64, n: f64) -> ([usize; 2], f32) {
     let place = (coordinate - 0.5).clamp(0.0, n - 1.0);
     let first = place.floor();
@@ -171,7 +170,7 @@ pub fn overlay(render: &Photo, photo: &Photo) -> Photo {
     Photo::made(PhotoData { rgb8: rgb8.collect(), scene_toml: None, ..**photo })
 }
 
-/// Returns the sRGB level that is closest to a linear light value from 0 to 1.
+/// Returns the sRGB level closest to a linear light value from 0 to 1.
 #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
 fn encoded(light: f32) -> u8 {
     (255.0 * srgb::encoded_from_linear(f64::from(light.clamp(0.0, 1.0))) + 0.5) as u8

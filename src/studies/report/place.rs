@@ -1,4 +1,4 @@
-//! Draws the shot plan to scale: camera, drones, stations and word from above and from the side.
+//! Draws the shot plan to scale from above and from the side.
 
 use kurbo::{Point, Rect, Vec2};
 
@@ -8,12 +8,12 @@ use noctograph_core::geometry::bounds;
 use noctograph_pipeline::preflight::{ShotPlan, stations};
 use noctograph_pipeline::shoot::Shot;
 
-/// Length of the longer side of the drawn space, and width of the margin around it, pixels.
+/// Length of the longer side of the drawn space, and width of the margin around it.
 const SIDE_PX: f64 = 560.0;
 const MARGIN_PX: f64 = 56.0;
 const CAP_PX: f64 = 9.0;
-/// Assumed distance between camera and audience if no room is known, which leaves space for the
-/// photographer.
+/// Distance between camera and audience that is assumed if the room is unknown. It leaves space for
+/// the photographer.
 const AUDIENCE_M: f64 = 1.0;
 const GRAY: Rgb = [150; 3];
 const WORD: Rgb = [230, 159, 0];
@@ -23,7 +23,7 @@ const DRONE: Rgb = [0, 158, 115];
 const STATION: Rgb = [204, 121, 167];
 
 /// Returns SVGs of the shot plan from above (x to the right, y away from the camera) and from the
-/// left (y to the right, z up). Lengths are in meters. The plane of the word is y = 0.
+/// left (y to the right, z up). Lengths are in meters. The word lies in the plane y = 0.
 pub(super) fn shot_plan(shot: &Shot, placement: Option<&ShotPlan>) -> [String; 2] {
     let things = things(shot, placement);
     [
@@ -32,10 +32,10 @@ pub(super) fn shot_plan(shot: &Shot, placement: Option<&ShotPlan>) -> [String; 2
     ]
 }
 
-/// A thing in the room: its name, its color, and either its position or two opposite corners.
+/// Object in the room: its name, its color, and either its position or two opposite corners.
 type Thing = (String, Rgb, Vec<[f64; 3]>);
 
-/// Returns all things in the room: word, take-off points, camera, audience, tripods and stations.
+/// Returns all objects in the room: word, take-off points, camera, audience, tripods and stations.
 fn things(shot: &Shot, placement: Option<&ShotPlan>) -> Vec<Thing> {
     let mut things = Vec::new();
     if let Some([w, d, h]) = placement.map(|placement| placement.room_m) {
@@ -56,7 +56,7 @@ fn things(shot: &Shot, placement: Option<&ShotPlan>) -> Vec<Thing> {
     let [x, y, z] = rounded(shot.camera.position_m.into());
     let name = format!("camera ({x:.2}, {y:.2}), lens {z:.2} m high");
     things.push((name, CAMERA, vec![[x, y, z]]));
-    // The audience stands in front of the room's wall, or behind the camera if no room is known.
+    // The audience stands in front of the room's wall, or behind the camera if the room is unknown.
     if let Some(placement) = placement {
         let [w, d, _] = placement.room_m;
         let audience =
@@ -75,7 +75,7 @@ fn things(shot: &Shot, placement: Option<&ShotPlan>) -> Vec<Thing> {
     things
 }
 
-/// Returns the tripods of all cameras except the scene's, each with the number of cameras on it.
+/// Returns the tripods of all cameras except the scene's own, each with its number of cameras.
 fn tripods(placement: &ShotPlan) -> Vec<Thing> {
     let tripods = placement.cameras[1..].iter().filter_map(|camera| camera.tripod_m.map(rounded));
     let tripods: Vec<[f64; 3]> = tripods.collect();
@@ -89,17 +89,17 @@ fn tripods(placement: &ShotPlan) -> Vec<Thing> {
     things.collect()
 }
 
-/// Rounds a position to centimeters. Adding 0 turns a negative zero into a positive one.
+/// Rounds a position to centimeters. Adding 0 turns negative zero into positive zero.
 fn rounded(place_m: [f64; 3]) -> [f64; 3] {
     place_m.map(|m| (100.0 * m).round() / 100.0 + 0.0)
 }
 
-/// Returns an SVG of the plan from one side. `axes` are the coordinates to the right and up.
+/// Returns an SVG of the plan from one side. `axes` are the coordinates that point right and up.
 fn view(things: &[Thing], from: &str, axes: [usize; 2], names: [&str; 2]) -> String {
     let places = things.iter().flat_map(|(.., places_m)| places_m);
     let places = places.map(|place| axes.map(|axis| place[axis]));
     let [left, bottom, right, top] = bounds(places.chain([[0.0; 2]]));
-    // `inset` of kurbo enlarges the rectangle, here by half a meter on each side.
+    // The `inset` method of kurbo enlarges the rectangle, here by half a meter on each side.
     let extent_m = Rect::new(left, bottom, right, top).inset(0.5);
     let px_per_m = SIDE_PX / extent_m.width().max(extent_m.height());
     let corner_m = Point::new(extent_m.x0, extent_m.y1);
@@ -116,7 +116,7 @@ fn view(things: &[Thing], from: &str, axes: [usize; 2], names: [&str; 2]) -> Str
     canvas.text(format!("{} (m)", names[0]), below, Anchor::End, CAP_PX, BLACK);
     let beside = frame.origin() - Vec2::new(6.0, 8.0);
     canvas.text(format!("{} (m)", names[1]), beside, Anchor::End, CAP_PX, BLACK);
-    // Things are drawn over the grid, each with its line in the legend.
+    // Objects are drawn over the grid, each with a line in the legend.
     for (index, (name, color, places_m)) in things.iter().enumerate() {
         let [right, up] = axes;
         let places_m = places_m.iter().map(|place| Point::new(place[right], place[up]));
@@ -131,14 +131,14 @@ fn view(things: &[Thing], from: &str, axes: [usize; 2], names: [&str; 2]) -> Str
     canvas.svg()
 }
 
-/// Draws numbered grid lines every meter, or every 10 or 100 m in a large room. Lines at 0 are
+/// Draws numbered grid lines every meter, or every 10 or 100 m for a large room. Lines at 0 are
 /// solid.
 fn draw_grid(canvas: &mut Canvas, window: &Window, extent_m: Rect) {
     let mut grid_m = 1.0;
     while extent_m.width().max(extent_m.height()) > 20.0 * grid_m {
         grid_m *= 10.0;
     }
-    // Vertical lines have their numbers below, and horizontal lines have them on the left.
+    // Vertical lines are numbered below, and horizontal lines at the left.
     let Rect { x0, y0, x1, y1 } = extent_m;
     for (is_vertical, [low_m, high_m]) in [(true, [x0, x1]), (false, [y0, y1])] {
         let mut line_m = (low_m / grid_m).ceil() * grid_m + 0.0; // never -0

@@ -5,7 +5,7 @@ use super::figure::{Curve, Mark};
 use super::flights::View;
 use noctograph_plan::Plan;
 
-/// Upper ends of speed ranges, as fractions of the maximum lit speed, with their colors.
+/// Colors of speed ranges, with their upper ends as fractions of the maximum lit speed.
 const SPEEDS: [(f64, Rgb); 4] = [
     (0.25, [204, 51, 17]),
     (0.5, [238, 153, 51]),
@@ -14,21 +14,21 @@ const SPEEDS: [(f64, Rgb); 4] = [
 ];
 const LIT_PX: f64 = 4.5;
 const DARK: Pen = Pen::new([120, 120, 120], 1.5);
-/// Length of a dash of a dark path, including the gap after it.
+/// Length of a dash of a dark path, including the gap that follows.
 const DASH_M: f64 = 0.03;
-/// Maximum number of strokes whose times are written next to them. More times would be illegible.
+/// Maximum number of strokes that are labeled with times. More labels would be illegible.
 const MOST_TIMES: usize = 80;
 
 /// Returns an SVG of a word's plans from the front. Lit strokes are colored by speed, dark paths
-/// are dashed, and marks show the time at which each stroke begins, take-offs and landings.
-/// `numbers` are the numbers of a drawing's strokes with their positions. Panics without setpoints.
+/// are dashed, and marks show the start time of each stroke, and the take-offs and landings.
+/// `numbers` contains a drawing's stroke numbers and their positions. Panics without setpoints.
 pub fn plan_view(plans: &[Plan], word: &str, numbers: &[(usize, [f64; 2])]) -> String {
     assert!(plans.iter().any(|plan| !plan.setpoints.is_empty()), "a plan to draw");
     let lines: Vec<Line> = plans.iter().flat_map(lines).collect();
     let lit_m_s = lines.iter().filter(|line| line.lit).map(|line| line.speed_m_s);
-    // The initial value is not 0, so that the slowest range is never empty.
+    // The initial value is positive, so that the slowest range is never empty.
     let fastest_m_s = lit_m_s.fold(1e-9, f64::max);
-    // Dark paths are drawn first. A curve follows for each range of lit speeds that occurs.
+    // Dark paths are drawn first, followed by one curve for each range of lit speeds that occurs.
     let dashes = lines.iter().filter(|l| !l.lit && l.along_m.rem_euclid(DASH_M) < 0.5 * DASH_M);
     let mut curves = vec![Curve { pen: DARK, pieces: pieces(dashes) }];
     let mut legend = vec![("dark".to_owned(), DARK)];
@@ -36,7 +36,7 @@ pub fn plan_view(plans: &[Plan], word: &str, numbers: &[(usize, [f64; 2])]) -> S
     for (fraction, color) in SPEEDS {
         let range_m_s = low_m_s..fraction * fastest_m_s;
         low_m_s = range_m_s.end;
-        // The factor makes a range include its upper end.
+        // The factor makes each range include its upper end.
         let in_range = lines
             .iter()
             .filter(|line| line.lit && range_m_s.contains(&(line.speed_m_s * (1.0 - 1e-9))));
@@ -63,23 +63,23 @@ pub fn plan_view(plans: &[Plan], word: &str, numbers: &[(usize, [f64; 2])]) -> S
         .svg_from_front(&format!("{word}, planned: {longest_s:.1} s"))
 }
 
-/// Returns x and z of a setpoint of a plan.
+/// Returns x and z of one of a plan's setpoints.
 fn place(plan: &Plan, row: usize) -> (f64, f64) {
     let position_m = plan.setpoints[row].position_m;
     (position_m.x, position_m.z)
 }
 
-/// Length of the line that is drawn for a point of light, and maximum size of such a point.
+/// Length of the line drawn for a point of light, and maximum size of such a point.
 const DOT_M: f64 = 0.008;
 
-/// A straight piece of the design, seen from the front.
+/// A straight segment of the design as seen from the front.
 #[derive(Clone)]
 struct Line {
     from: (f64, f64),
     to: (f64, f64),
     lit: bool,
     speed_m_s: f64,
-    /// Length of the path from take-off to this line, which determines the dashes.
+    /// Path length from take-off to this line, which determines the dashes.
     along_m: f64,
 }
 
@@ -89,15 +89,15 @@ fn lines(plan: &Plan) -> Vec<Line> {
     [segment_lines(plan, &lit), dots(plan, &lit)].concat()
 }
 
-/// Returns the lines between consecutive setpoints. A lit segment is one line, and a dark one is
-/// divided into lines that are half as long as a dash with its gap.
+/// Returns the lines between consecutive setpoints. A lit segment becomes one line, and a dark one
+/// is divided into lines that are half as long as a dash with its gap.
 fn segment_lines(plan: &Plan, lit: &[f64]) -> Vec<Line> {
     let (mut lines, mut segment_along_m) = (Vec::new(), 0.0);
     for (row, pair) in plan.setpoints.windows(2).enumerate() {
         let (from, to, lit) = (place(plan, row), place(plan, row + 1), lit[row] > 0.0);
         let length_m = libm::hypot(to.0 - from.0, to.1 - from.1);
         let speed_m_s = length_m / (pair[1].time_s - pair[0].time_s);
-        // A segment in which the drone rests has no line.
+        // A segment during which the drone rests has no line.
         if length_m > 1e-9 {
             #[expect(clippy::cast_possible_truncation, reason = "kilometers")]
             let n = if lit { 1 } else { (length_m / DASH_M * 2.0).ceil() as u32 };
@@ -114,7 +114,7 @@ fn segment_lines(plan: &Plan, lit: &[f64]) -> Vec<Line> {
     lines
 }
 
-/// Returns a short line for each point of light, a lit stroke that is too short to be visible.
+/// Returns a short line for each point of light, which is a lit stroke too short to be visible.
 fn dots(plan: &Plan, lit: &[f64]) -> Vec<Line> {
     let mut lines = Vec::new();
     let rows: Vec<usize> = (0..lit.len()).filter(|row| lit[*row] > 0.0).collect();
@@ -123,7 +123,7 @@ fn dots(plan: &Plan, lit: &[f64]) -> Vec<Line> {
         let mut others = stroke.iter().map(|row| place(plan, *row));
         if others.all(|(other_x, other_z)| libm::hypot(other_x - x, other_z - z) < DOT_M) {
             let (from, to) = ((x - 0.5 * DOT_M, z), (x + 0.5 * DOT_M, z));
-            // Points have the color of the lowest speed.
+            // Points are drawn in the color of the lowest speed.
             lines.push(Line { from, to, lit: true, speed_m_s: 1e-6, along_m: 0.0 });
         }
     }
@@ -142,7 +142,7 @@ fn pieces<'a>(lines: impl Iterator<Item = &'a Line>) -> Vec<Vec<(f64, f64)>> {
     pieces
 }
 
-/// Returns marks with the times at which strokes begin, and at the start and the end of the flight.
+/// Returns marks with the start times of strokes, and marks at the start and end of the flight.
 fn marks(plan: &Plan, index: usize, n_plans: usize) -> Vec<Mark> {
     let lit = plan.lit();
     let drone = if n_plans > 1 { format!("{}: ", index + 1) } else { String::new() };

@@ -1,4 +1,4 @@
-//! Lays out contact sheets: rows with titles, and photos with captions.
+//! Lays out contact sheets, with titled rows of photos and captions.
 
 use ab_glyph::{Font, FontRef, ScaleFont, point};
 
@@ -15,23 +15,23 @@ const TEXT_PX: f32 = 22.0;
 const LINE_PX: usize = 32;
 /// Space between photos.
 const GAP_PX: usize = 12;
-/// Gray levels of the sheet's background and of its text.
+/// Gray levels of the sheet's background and text.
 const GROUND: u8 = 24;
 const INK: u8 = 235;
 
 /// Number of photos in a row of a spread's sheet.
 const ROW_PHOTOS: usize = 4;
-/// Height of capitals in the photos of a study.
+/// Cap height in the photos of a study.
 const CAP_HEIGHT_PX: f64 = 110.0;
 
-/// Height of capitals in the photos of a ladder, which has seven photos in a row.
+/// Cap height in the photos of a ladder, with seven photos per row.
 const SMALL_CAP_HEIGHT_PX: f64 = 70.0;
 
-/// A row of a sheet: its title, and its photos with captions.
+/// Row of a sheet: its title, and its photos with captions.
 type Row = (String, Vec<(Photo, String)>);
 
-/// Returns a sheet with the median and the worst photo of each contender. `prepared` is the result
-/// of [`Study::prepare`].
+/// Returns a sheet with the median and the worst photo of each contender. `prepared` contains the
+/// results of [`Study::prepare`].
 pub fn study_sheet(
     study: &Study,
     prepared: &[Prepared],
@@ -43,7 +43,7 @@ pub fn study_sheet(
         let p = measures.legibility.value;
         let title = format!("{}: read with probability {p:.3}", measures.contender);
         let mut photos = Vec::new();
-        // The photos are taken again, in a larger size than those that were read.
+        // The photos are taken again at a larger size than those that were read.
         for (name, index) in ["median", "worst"].into_iter().zip(measures.median_and_worst) {
             let (trial, Record { word, outcome, .. }) = (trials[index], &records[index]);
             if outcome.flown.is_some() {
@@ -58,8 +58,7 @@ pub fn study_sheet(
     Ok(contact_sheet(&rows.collect::<Result<Vec<Row>>>()?))
 }
 
-/// Returns a sheet with a row for each contender, which contains a photo of the first word on each
-/// rung of a [`Study::ladder`].
+/// Returns a sheet with a row per contender: the first word at each rung of a [`Study::ladder`].
 pub fn acuity_sheet(
     ladder: &[Study],
     prepared: &[Vec<Prepared>],
@@ -72,7 +71,7 @@ pub fn acuity_sheet(
         let title =
             format!("{}: reads down to {value:.1} mm ({low:.1} to {high:.1})", limit.contender);
         let mut photos = Vec::new();
-        // The photo shows the contender's first flight on each rung. A lost drone has no photo.
+        // The photo shows the contender's first flight at each rung. A lost drone has no photo.
         let rungs = ladder.iter().zip(prepared).zip(limit.rungs.iter().zip(records));
         for ((study, prepared), (rung, records)) in rungs {
             let mut flown = records.iter().zip(study.trials());
@@ -101,7 +100,7 @@ pub fn spread_sheet(title: &str, photos: &[(Photo, String)]) -> Photo {
 
 /// Lays out rows of photos, with a title above each row and a caption below each photo.
 fn contact_sheet(rows: &[Row]) -> Photo {
-    // The width is that of the widest row, the height that of all rows with two lines of text.
+    // The width is that of the widest row. Each row is a photo and two lines of text high.
     let widths = rows.iter().map(|(_, photos)| {
         photos.iter().map(|(photo, _)| photo.width_px as usize + GAP_PX).sum::<usize>()
     });
@@ -115,7 +114,7 @@ fn contact_sheet(rows: &[Row]) -> Photo {
     let [width_px, height_px] =
         [width, height].map(|side| u32::try_from(side).expect("a sheet of photos"));
     let mut sheet = PhotoData { width_px, height_px, rgb8, scene_toml: None };
-    // Each row consists of its title, its photos and their captions.
+    // Each row consists of a title, photos and captions.
     let mut top = GAP_PX;
     for ((title, photos), height) in rows.iter().zip(heights) {
         write(&mut sheet, title, [GAP_PX, top]);
@@ -139,7 +138,7 @@ fn paste(sheet: &mut PhotoData, photo: &Photo, [left, top]: [usize; 2]) {
     }
 }
 
-/// Writes one line of text that begins at its upper left corner, as far as it fits.
+/// Writes a line of text below and to the right of a position, cut off at the sheet's edges.
 fn write(sheet: &mut PhotoData, text: &str, [left, top]: [usize; 2]) {
     let font = FontRef::try_from_slice(TTF).expect("the font under fonts/ is read by a test");
     let scaled = font.as_scaled(TEXT_PX);
@@ -156,7 +155,7 @@ fn write(sheet: &mut PhotoData, text: &str, [left, top]: [usize; 2]) {
             let (x, y) = (corner.x as usize + x as usize, corner.y as usize + y as usize);
             let index = 3 * (y * width + x);
             if x < width && index + 3 <= sheet.rgb8.len() {
-                // Thin strokes, which cover half a pixel, are drawn with twice the contrast.
+                // Thin strokes, which cover half a pixel, are drawn at twice their contrast.
                 let ink = (2.0 * cover).min(1.0) * f32::from(INK - GROUND);
                 #[expect(clippy::cast_possible_truncation, reason = "between two levels")]
                 sheet.rgb8[index..index + 3].fill((f32::from(GROUND) + ink) as u8);

@@ -1,4 +1,4 @@
-//! Builds the report of a shot, with photo, verdict, flight, safety, camera and room on one page.
+//! Builds the report of a shot: photo, verdict, flight, safety, camera and room on one page.
 
 use std::path::Path;
 
@@ -20,21 +20,21 @@ use noctograph_score::LetterVerdict;
 /// Number of pictures that show the exposure as it accumulates, and their width.
 const N_MOMENTS: u32 = 12;
 const MOMENT_PX: u32 = 560;
-/// Maximum number of points in the paths of all drones together.
+/// Maximum total number of points in the paths of all drones.
 const MAX_PATH_POINTS: usize = 2000;
 /// JPEG quality of the photo, and of the small pictures of the exposure.
 const JPEG_QUALITY: [u8; 2] = [85, 80];
-/// Minimum probability that is printed.
+/// Minimum probability that is shown.
 pub const LEAST_PROBABILITY: f64 = 0.01;
 
 /// Texts and drawings that accompany a shot in its report.
 #[derive(Debug)]
 pub struct ShotNotes<'a> {
-    /// The verdict as a sentence, empty if there is no verdict.
+    /// Verdict as a sentence, empty without a verdict.
     pub lead: &'a str,
-    /// The table as printed in the terminal.
+    /// Table as printed in the terminal.
     pub printed: &'a str,
-    /// Findings of the checks before a flight.
+    /// Findings of the checks before takeoff.
     pub findings: &'a [Diagnostic],
     /// Positions of cameras and audience, if the room is known.
     pub placement: Option<&'a ShotPlan>,
@@ -44,16 +44,16 @@ pub struct ShotNotes<'a> {
     pub command: &'a str,
     /// Additional drawings of the flight (SVG), such as its band over many flights.
     pub drawings: &'a [String],
-    /// The flight that was flown.
+    /// The actual flight, if there was one.
     pub flown: Option<&'a FlownNotes>,
 }
 
-/// A flight beside the one that was promised.
+/// Comparison of an actual flight with the predicted one.
 #[derive(Debug)]
 pub struct FlownNotes {
-    /// Its photo.
+    /// Shot of the actual flight.
     pub shot: Shot,
-    /// A row for each letter. Cells have the promised value and the flown one.
+    /// Rows, one for each letter, with the predicted value and the actual one in each cell.
     pub rows: Vec<[String; 7]>,
 }
 
@@ -98,7 +98,7 @@ pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
         page = page.table(["what", "where"], placement.rows());
     }
     page = page.drawings(&shot_plan(shot, notes.placement));
-    // This section contains everything that is needed to repeat the shot elsewhere.
+    // This section contains everything needed to repeat the shot elsewhere.
     page = page.section("To repeat this shot").printed(notes.command);
     let changes = scene.portable().changes();
     let end = if changes.is_empty() { ": none." } else { ":" };
@@ -110,7 +110,7 @@ pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
     Ok(page.table(["digest", "SHA-256"], digests))
 }
 
-/// Appends both photos side by side, and a table of the differences.
+/// Appends the predicted and the actual photo side by side, and a table of their differences.
 fn flown_section(page: Page, promised: &[u8], shot: &Shot, flown: &FlownNotes) -> Page {
     let caption = |name: &str, shot: &Shot| match &shot.verdict {
         Some(verdict) => format!("{name} {:.2}", verdict.readability),
@@ -124,7 +124,7 @@ fn flown_section(page: Page, promised: &[u8], shot: &Shot, flown: &FlownNotes) -
         .table(head, flown.rows.iter().cloned())
 }
 
-/// Returns a text with the probable letters other than the expected one, each with its probability.
+/// Returns a text that lists the probable letters other than the expected one, with probabilities.
 pub fn rivals(letter: &LetterVerdict) -> String {
     let rivals = letter.rivals.iter().filter(|rival| rival.p >= LEAST_PROBABILITY);
     rivals.map(|r| format!("{} {:.2}", r.letter, r.p)).collect::<Vec<_>>().join(", ")
@@ -137,7 +137,7 @@ fn flight_section(mut page: Page, shot: &Shot, notes: &ShotNotes<'_>) -> Page {
         let numbers = shot.shoot.strokes.as_ref().map_or(&[][..], |strokes| &strokes.numbers);
         page = page.section("Plan").drawings(&[plan_view(&plans, &shot.shoot.scene.word, numbers)]);
     }
-    // Flights without samples, such as those of light traces, have no plots.
+    // Flights without samples, such as those from light traces, have no plots.
     let traces = shot.flights.iter().enumerate().map(|(index, flight)| NamedFlight {
         name: format!("drone {}", index + 1),
         samples: flight.samples.clone(),
@@ -154,10 +154,10 @@ fn flight_section(mut page: Page, shot: &Shot, notes: &ShotNotes<'_>) -> Page {
     page.section("Flight").paths(&paths(shot)).drawings(&drawings)
 }
 
-/// Returns all drones' paths in millimeters. A point is lit if a writing lamp of its drone is lit.
+/// Returns all drones' paths in millimeters. A point is lit if a writing lamp is lit there.
 fn paths(shot: &Shot) -> Vec<Vec<([i32; 3], bool)>> {
     let n_samples: usize = shot.flights.iter().map(|flight| flight.samples.len()).sum();
-    // Samples are skipped, so that the page stays small.
+    // Samples are skipped to keep the page small.
     let step = n_samples.div_ceil(MAX_PATH_POINTS).max(1);
     let lamps = writing(&shot.flights, &shot.trace, &shot.shoot.scene.light);
     let paths = shot.flights.iter().enumerate().map(|(drone, flight)| {
@@ -179,10 +179,10 @@ fn is_lit(lamp: &Lamp, time_s: f64) -> bool {
     next > 0 && lamp.samples[next - 1].level > 0.0
 }
 
-/// Returns table rows with the camera's settings, as a photographer sets them by hand.
+/// Returns table rows with the camera settings that a photographer enters by hand.
 fn camera(shot: &Shot) -> Vec<[String; 2]> {
     let camera = &shot.camera;
-    // If no focus distance is set, the lens is focused on the word's plane.
+    // Without a given focus distance, the lens is focused on the word's plane.
     let focus_m = camera.focus_m.unwrap_or(camera.position_m.y.abs());
     let focus = if focus_m < INFINITY_M {
         format!("{focus_m:.2} m, by hand")

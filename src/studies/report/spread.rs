@@ -11,13 +11,12 @@ const FLIGHT: Pen = Pen::new(BLUE, 0.6);
 const ALL: Pen = Pen { filled: true, ..Pen::new(BLUE, 1.75) };
 const WITHIN: Pen = Pen { filled: true, ..Pen::new(VERMILION, 1.75) };
 
-/// Returns an SVG of the lit strokes of a spread's flights from the front, over their design.
-/// Panics if every flight is lost.
+/// Returns an SVG of a spread's lit strokes over their design. Panics if every flight is lost.
 pub fn spread_front(spread: &Spread) -> String {
     let shots = spread.flights.iter().filter_map(|flight| flight.shot.as_ref().ok());
     let flights: Vec<_> = shots.flat_map(|shot| &shot.flights).collect();
     let n_drones = spread.all.len();
-    // All flights have the same designs, so that those of the first flight's drones are drawn.
+    // All flights have the same designs, so only those of the first flight are drawn.
     let design = flights[..n_drones].iter();
     let design = design.flat_map(|flight| lit(flight, |s| (s.design_m.x, s.design_m.z)));
     let mut curves = vec![Curve { pen: DESIGN, pieces: design.collect() }];
@@ -31,7 +30,7 @@ pub fn spread_front(spread: &Spread) -> String {
         .svg_from_front("Front view of the flights under varied conditions")
 }
 
-/// Returns the pieces of a flight during which a light is commanded, projected by `place`.
+/// Returns the segments of a flight in which a light is commanded, projected by `place`.
 fn lit(flight: &Flight, place: impl Fn(&FlightSample) -> (f64, f64)) -> Vec<Vec<(f64, f64)>> {
     let rows = flight.samples.iter().enumerate().map(|(index, sample)| {
         (flight.lights.values().any(|levels| levels[index] > 0.0), place(sample))
@@ -41,8 +40,8 @@ fn lit(flight: &Flight, place: impl Fn(&FlightSample) -> (f64, f64)) -> Vec<Vec<
     parts.map(|part| part.iter().map(|(_, place)| *place).collect()).collect()
 }
 
-/// Returns an SVG of both bands of a drone over time, relative to the design, while it writes.
-/// There is a panel for each axis. Panics if a band is empty.
+/// Returns an SVG of both bands of a drone over time, relative to the design, while it writes. Each
+/// axis has a panel. Panics if a band is empty.
 pub fn spread_over_time(all: &Band, within: &Band) -> String {
     let first = all.writes.iter().position(|writes| *writes).unwrap_or(0);
     let last = all.writes.iter().rposition(|writes| *writes).unwrap_or(all.writes.len() - 1);
@@ -59,7 +58,7 @@ pub fn spread_over_time(all: &Band, within: &Band) -> String {
     let panels = error_panels(&time_s, 0.02, |axis| {
         let bands = [(all, ALL), (within, WITHIN)].map(|(band, pen)| {
             let last = last.min(band.time_s.len() - 1);
-            // The outline runs along the lower end, and back along the upper end to the beginning.
+            // The outline runs forward along the lower end, and back along the upper end.
             let (low, high) = ((first..=last).map(|i| (i, 0)), (first..=last).map(|i| (i, 2)));
             let around = low.chain(high.rev()).chain([(first, 0)]);
             let points = around

@@ -7,7 +7,7 @@ use super::figure::{BLACK, BLUE, Curve, Figure, GRAY, Panel, VERMILION, range};
 
 const ORANGE: Rgb = [230, 159, 0];
 
-/// Colors of Okabe and Ito (2008), with the strongest first.
+/// Colors of Okabe and Ito (2008), the strongest first.
 pub(super) const COLORS: [Rgb; 7] =
     [BLUE, VERMILION, [0, 158, 115], ORANGE, [204, 121, 167], [86, 180, 233], BLACK];
 
@@ -15,8 +15,8 @@ pub(super) const COLORS: [Rgb; 7] =
 const HEIGHT_PX: f64 = 360.0;
 
 /// Returns an SVG of candidates by flight time (s) and P(read) (0 to 1). The chart shows the
-/// candidates within the limits, `others` that were abandoned or exceeded a limit, the Pareto front
-/// as a line, and the original scene.
+/// candidates within the limits, the `others`, which were abandoned or exceeded a limit, the Pareto
+/// front as a line, and the original scene.
 pub fn pareto(
     within: &[(f64, f64)],
     others: &[(f64, f64)],
@@ -30,7 +30,7 @@ pub fn pareto(
     let unit = ((x.end - x.start) / 150.0, (y.end - y.start) / 75.0);
     let [gray, orange] = [Pen::new(GRAY, 1.5), Pen::new(ORANGE, 1.0)];
     let [blue, vermilion] = [Pen::new(BLUE, 2.0), Pen::new(VERMILION, 3.0)];
-    // The most important curves are drawn last, on top of the others.
+    // The most important curves are drawn last, so that they lie on top.
     let curves = vec![
         crosses(orange, others, unit, 0.4),
         crosses(gray, within, unit, 0.6),
@@ -54,7 +54,7 @@ pub fn pareto(
     .svg()
 }
 
-/// Returns a cross at each point. The half widths of a cross are `size` times the units of x and y.
+/// Returns a cross at each point, with half sides of `size` times `x` and `y`.
 fn crosses(pen: Pen, points: &[(f64, f64)], (x, y): (f64, f64), size: f64) -> Curve {
     let (dx, dy) = (x * size, y * size);
     let strokes = points.iter().flat_map(|&(s, p)| {
@@ -63,8 +63,8 @@ fn crosses(pen: Pen, points: &[(f64, f64)], (x, y): (f64, f64), size: f64) -> Cu
     Curve { pen, pieces: strokes.collect() }
 }
 
-/// Returns the range of an axis that contains all values, with a margin of at least half of `least`
-/// on each side. Returns 0 to 1 without values.
+/// Returns an axis range that contains all values, with a margin of at least half of `least` on
+/// each side. Returns 0 to 1 without values.
 pub(super) fn around(values: impl Iterator<Item = f64>, least: f64) -> Range<f64> {
     let Range { start, end } = range(values);
     if start > end {

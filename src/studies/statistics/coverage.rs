@@ -1,6 +1,6 @@
-//! Tests how often the intervals of a study contain the true value. Distributions that resemble
-//! those of flights are fast. Simulated flights are in ignored tests, whose table `docs/figures
-//! coverage` prints.
+//! Tests how often the intervals of a study contain the true value. The tests with distributions
+//! that resemble those of flights are fast. Simulated flights are used by ignored tests, whose
+//! table `docs/figures coverage` prints.
 
 use std::cmp::Ordering;
 
@@ -14,10 +14,10 @@ use super::*;
 use crate::rank::pairs;
 use crate::{Conditions, Record, Study, Trial, evaluate};
 
-/// Function that returns the interval of a study's values.
+/// Function that returns the interval for a study's values.
 type Interval<'a> = &'a (dyn Fn(&[Vec<f64>]) -> Estimate + Sync);
 
-/// Returns the fractions of studies whose interval contains the true value, lies below it, and lies
+/// Returns the fractions of studies whose interval contains the true value, lies below it, or lies
 /// above it. Each study draws `n` values by `law`, the quantile function of a distribution.
 fn held(
     law: &(dyn Fn(f64) -> f64 + Sync),
@@ -43,8 +43,8 @@ fn held(
 
 #[test]
 fn intervals_of_skewed_probabilities_hold_their_mean_as_often_as_they_say() {
-    // Log-odds have logistic tails, `middle + scale ln(u / (1 - u))`. The scales are those of good
-    // flights (0.25) to those of small letters (0.8).
+    // Log-odds have logistic tails, `middle + scale ln(u / (1 - u))`. The scales range from good
+    // flights (0.25) to small letters (0.8).
     for (middle, scale) in [(3.5, 0.25), (2.5, 0.3), (1.0, 0.8), (-1.0, 0.8), (-3.0, 0.6)] {
         let law = |u: f64| {
             let odds = libm::log(u.max(1e-12) / (1.0 - u));
@@ -80,15 +80,14 @@ fn flights(contenders: Vec<NamedScene>, word: &str, n: u32) -> Vec<Vec<Record>> 
     records.chunks(n as usize).map(<[Record]>::to_vec).collect()
 }
 
-/// Number of studies for a cell of the table. There are fewer for worst tenths and for pairs,
-/// because the subsets of a hundred pairs take a second.
+/// Number of studies for a table cell. Worst tenths and pairs use fewer studies, because the
+/// subsets of a hundred pairs take a second.
 const STUDIES: u32 = 4000;
 const FEWER_STUDIES: u32 = 500;
 
 const NUMBERS: [u32; 7] = [6, 10, 20, 50, 100, 200, 500];
 
-/// Returns the cells of a row: how often, in percent, an interval of n of these values contains the
-/// true value.
+/// Returns the cells of a row: how often, in percent, an interval contains the true value.
 fn cells(values: &[f64], truth: f64, n_studies: u32, interval: Interval<'_>) -> String {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count")]
     let law = |u: f64| values[(u * values.len() as f64) as usize];
@@ -113,10 +112,10 @@ fn proportion_of_hits(strata: &[Vec<f64>]) -> Estimate {
     proportion(strata.iter().flatten().map(|value| *value > 0.5))
 }
 
-/// Returns the interval of a contender's rank, from one more than the number of contenders that are
-/// told apart as better, to the number of all contenders less those told apart as worse (Mohamad,
-/// Goeman, van Zwet, arXiv:1708.02729). `pool` has the probabilities of each contender, and
-/// `flights` are indices into them.
+/// Returns the interval of a contender's rank, from one more than the number of contenders found to
+/// be better, to the number of all contenders less those found to be worse (Mohamad, Goeman, van
+/// Zwet, arXiv:1708.02729). `pool` contains the probabilities of each contender, and `flights`
+/// contains indices into them.
 fn rank_among(pool: &[Vec<f64>], contender: usize, flights: &[Vec<f64>]) -> Estimate {
     let names: Vec<String> = (0..pool.len()).map(|index| index.to_string()).collect();
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an index")]
@@ -139,7 +138,7 @@ fn center_of_differences(strata: &[Vec<f64>]) -> Estimate {
     center(&strata.concat(), LEVEL).unwrap()
 }
 
-/// Returns the mean of the lowest tenth of many values whose number is not divisible by 10.
+/// Returns the mean of the lowest tenth of many values, whose number need not be divisible by 10.
 fn tail(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);
@@ -197,7 +196,7 @@ fn coverage_of_intervals_on_flights() {
         let name = format!("pair: {} and {}", names[0], names[1]);
         row(&name, &values, mean(&values), FEWER_STUDIES, &center_of_differences);
     }
-    // Ranks of the first four, whose order is that of their means.
+    // Ranks of the first four contenders, ordered by their means.
     let four: Vec<Vec<f64>> = pool[..4].iter().map(|records| probabilities(records)).collect();
     let flights: Vec<f64> = (0..four[0].len()).map(|k| k as f64).collect();
     for (contender, rank) in [(1, 2.0), (2, 3.0)] {
