@@ -56,7 +56,7 @@ pub(super) fn run(args: &CheckArgs) -> Result<Report> {
     Ok(report.passes(!stops))
 }
 
-/// Returns the number of findings of a severity as words, or `None` if there are none.
+/// Returns the number of findings of a severity as text, or `None` if there are none.
 fn counted(
     findings: &[Diagnostic],
     severity: Severity,

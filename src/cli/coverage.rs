@@ -20,7 +20,7 @@ use serde_json::json;
 
 /// Margin around the word in the map, in m.
 const MARGIN_M: f64 = 0.5;
-/// Region of the map for a scene without a word: left, bottom, right and top, in m.
+/// Bounds of the map for a scene without a word, in the order left, bottom, right, top, in m.
 const ROOM_M: [f64; 4] = [-1.5, 0.0, 1.5, 2.0];
 
 #[derive(Debug, Args)]
@@ -54,7 +54,8 @@ pub(super) fn run(args: &CoverageArgs) -> Result<Report> {
     if let Some(word) = typed_word(args.word.as_ref(), args.as_word.as_ref())? {
         set_word(&mut scene, word);
     }
-    // Ranging gets a bound along the word, and Lighthouse a map of the plane of writing.
+    // For ranging, the error bound along the word is computed, and for Lighthouse, a map of the
+    // word's plane.
     if scene.sensors.positioning.is_by_ranges() {
         return along_the_word(args, scene);
     }
@@ -72,8 +73,8 @@ pub(super) fn run(args: &CoverageArgs) -> Result<Report> {
         .with_files(&[path]))
 }
 
-/// Reports the Cramér–Rao bound of the position along the flights that write a word, and the best
-/// position for one more anchor.
+/// Reports the Cramér–Rao bound of the position error along the flights that write a word, and the
+/// best position for an additional anchor.
 fn along_the_word(args: &CoverageArgs, scene: Scene) -> Result<Report> {
     let output = Output::create(&args.output)?;
     let shoot = Shoot::new(scene)?;
@@ -88,7 +89,7 @@ fn along_the_word(args: &CoverageArgs, scene: Scene) -> Result<Report> {
     let mut letters = Vec::new();
     let strokes = shoot.strokes.iter();
     for (letter, glyph) in strokes.clone().flat_map(|strokes| &strokes.glyphs).enumerate() {
-        // In a drawing, the strokes of each color take the place of a letter.
+        // In a drawing, the strokes of each color are treated as a letter.
         let name = match strokes.clone().any(|strokes| !strokes.word.is_empty()) {
             true => glyph.character.to_string(),
             false => (letter + 1).to_string(),
@@ -121,8 +122,8 @@ advice    one more anchor that all drones hear helps most at ({one_more_anchor.p
 
 /// Returns the report on a coverage map of base stations.
 fn coverage_report(grid: &Coverage, n_stations: usize, bounds_m: [f64; 4]) -> Report {
-    // `errors_m` is sorted and contains only the errors of points that two stations see, so that it
-    // may be empty.
+    // `errors_m` is sorted and contains only the errors at points that two stations see, so it may
+    // be empty.
     let errors_m = grid.errors_m();
     let quantile_m =
         |percent: usize| Some(errors_m[errors_m.len().checked_sub(1)? * percent / 100]);

@@ -1,4 +1,4 @@
-//! `noctograph expose` makes the long-exposure photograph of flights.
+//! `noctograph expose` takes the long-exposure photograph of flights.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -62,12 +62,12 @@ pub(super) fn run(args: &ExposeArgs) -> Result<Report> {
     if args.follow {
         return follow_logs(args);
     }
-    // The graphics device gets ready while the flights are read.
+    // The graphics device is prepared while the flights are read.
     let developer = Developer::start(tried(args.picture.backend)?);
     let (scene, format) = (args.scene()?, args.format()?);
     let output = Output::create(&args.output)?;
     let shoot = args.flight.shoot(scene, args.word.as_deref(), &args.flights, args.lit)?;
-    // `expose` does not judge the photo, because `score` does that.
+    // `expose` does not judge the photo, which is the task of `score`.
     let (format, judging) = (Some(format), Judging::Skipped);
     let shoot = Shoot { format, judging, keeps_film: false, ..shoot };
     let shot = shoot.take_by(developer, &watch())?;
@@ -89,7 +89,7 @@ fn follow_logs(args: &ExposeArgs) -> Result<Report> {
     let plan = args.plan.as_deref();
     let mut letters = plan.map(|plan| Letters::new(plan, &scene, logs.len())).transpose()?;
     let (mut film, mut noted) = (GrowingFilm::default(), BTreeSet::new());
-    // With a single thread, the measured duration of the work equals its processor time.
+    // With a single thread, the measured duration of the work equals the processor time it takes.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().ok();
     let (shot, path) = follow(logs, |logs| {
         let shoot = args.shoot_logs(scene.clone(), logs, &mut noted)?;
@@ -116,7 +116,7 @@ fn follow_logs(args: &ExposeArgs) -> Result<Report> {
     Ok(report)
 }
 
-/// Returns the content of the photo's file.
+/// Returns the bytes of the photo's file.
 fn file_of(shot: &Shot) -> &[u8] {
     shot.file.as_deref().expect("a format was asked for")
 }
@@ -155,8 +155,8 @@ impl ExposeArgs {
     /// Prints warnings about a shot, and returns its report. `path` is the photo's file.
     fn report(&self, shot: Shot, path: PathBuf) -> Report {
         warn(shot.problems.iter().map(|problem| problem.sentence(mentioned)));
-        // A light trace needs no word for its colors, because it contains them, and then has no
-        // flights.
+        // A light trace contains its own colors and therefore needs no word. In that case there are
+        // no flights.
         if !shot.shoot.scene.has_strokes() && !shot.flights.is_empty() && !self.lit {
             let note =
                 "the photo contains no word: pass one with --word, or after the photo in `score`";

@@ -1,4 +1,4 @@
-//! Flags for reading flights and logs, and for photographing them.
+//! Flags for reading and photographing flights and logs.
 
 use std::path::{Path, PathBuf};
 
@@ -18,14 +18,14 @@ use clap::Args;
 use noctograph_core::files::Limit;
 
 /// Limit on the total size of files that are read together, which is enough for six minutes of
-/// sixteen drones.
+/// flight by sixteen drones.
 pub(super) const FLIGHTS: Limit = Limit {
     bytes: 384 << 20,
     what: "flights",
     hint: "reduce their sample rate, cut them to the time of the picture, or read fewer at a time",
 };
 
-/// Flags for reading flights of this program or logs of real flights.
+/// Flags for reading this program's flights or logs of real flights.
 #[derive(Clone, Debug, Args)]
 pub(super) struct FlightFlags {
     /// Source of the position (and attitude) in a log that counts as the true one
@@ -74,8 +74,8 @@ fn ratio(text: &str) -> std::result::Result<f64, String> {
 }
 
 impl FlightFlags {
-    /// Returns the options of an import. If the log does not name its firmware, the scene's is
-    /// used.
+    /// Returns the options of an import. If the log does not name its firmware, that of the scene
+    /// is used.
     pub(super) fn options(&self, scene: Option<&Scene>) -> ImportOptions {
         ImportOptions {
             firmware: scene.map(|scene| scene.vehicle.firmware),
@@ -97,15 +97,16 @@ impl FlightFlags {
         Ok(self.read_log(path, scene)?.flight)
     }
 
-    /// Reads a flight or a log like [`read`](Self::read), and also returns its other results.
+    /// Reads a flight or a log like [`read`](Self::read), and also returns the other results of the
+    /// import.
     pub(super) fn read_log(&self, path: &Path, scene: Option<&Scene>) -> Result<OnClock> {
         let log = logs::import_on_clock(path, &self.options(scene))?;
         warn_of(path, &log.flight.warnings);
         Ok(log)
     }
 
-    /// Returns the shoot of flights, logs or light traces, one for each drone. A log without lights
-    /// gets the lights of the scene's word, or is `lit` throughout.
+    /// Returns the shoot of flights, logs or light traces, one for each drone. If a log contains no
+    /// lights, they are inferred from the scene's word, or always on if `lit` is true.
     pub(super) fn shoot(
         &self,
         mut scene: Scene,
@@ -116,7 +117,8 @@ impl FlightFlags {
         if let Some(word) = word {
             set_word(&mut scene, word);
         }
-        // The total of the samples is checked after each file, before the next file needs memory.
+        // The total number of samples is checked after each file, before memory is used for the
+        // next file.
         FLIGHTS.check_all(paths)?;
         let mut recordings = Vec::new();
         for path in paths {
@@ -139,7 +141,7 @@ pub(super) fn note(text: String) {
 }
 
 /// Sets the lights of a log without lights to those of the scene's word, or to always on if `lit`
-/// is true. Returns a note as [`infer_lights_if_dark`] does.
+/// is true. May return the note of [`infer_lights_if_dark`].
 pub(super) fn light_if_dark(
     flight: &mut Flight,
     scene: &mut Scene,
@@ -153,8 +155,8 @@ pub(super) fn light_if_dark(
     infer_lights_if_dark(flight, scene, path)
 }
 
-/// Infers the lights of a log without lights from the scene's word. Returns a note if the letters
-/// of a preset fit the setpoints, and those of the scene do not.
+/// Infers the lights of a log without lights from the scene's word. Returns a note if the setpoints
+/// match a preset's letters instead of the scene's.
 pub(super) fn infer_lights_if_dark(
     flight: &mut Flight,
     scene: &mut Scene,

@@ -52,7 +52,7 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
         let options = args.flight.options(Some(&scene));
         return evening::run(&args.log, &scene, &options, output);
     }
-    // A scene is written beside the flight only if `--scene` names one or the log contains one.
+    // A scene is written beside the flight only if `--scene` names a scene or the log contains one.
     let mut scene = args.scene.load(std::slice::from_ref(&args.log), &[])?;
     let is_known = args.scene.is_given() || CarriedScene::read(&args.log)?.is_some();
     let outputs = Outputs::create(args.output.as_deref(), "flight", 1)?;
@@ -80,7 +80,7 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
         "warnings": flight.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
         "flight": figures.json, "gaps_s": &flight.gaps,
     });
-    // Without at least one of these quantities it is unknown whether the drone flew.
+    // Without any of these quantities, it is unknown whether the drone flew.
     let has_height = [Quantity::Position, Quantity::Design, Quantity::Motors];
     let air = match air_s {
         Some([from_s, to_s]) => format!("in the air {from_s:.2} s to {to_s:.2} s"),

@@ -1,4 +1,4 @@
-//! Flags of the letters: font or drawing, colors, and the room into which the letters are fitted.
+//! Flags for the font or drawing, the colors, and the room into which the letters are fitted.
 
 use std::fmt::Display;
 
@@ -51,8 +51,8 @@ pub(super) struct LetterFlags {
     pub(super) room: Option<[f64; 3]>,
 }
 
-/// Levels without the firmware's brightness correction, because dim colors then have twice as many
-/// steps.
+/// Levels of the color LED deck without the firmware's brightness correction, which give dim colors
+/// twice as many steps.
 const LEVELS: ColorLedLevels = ColorLedLevels::Plain;
 
 /// Parses a CSS color, and returns the command bytes with which the color LED deck shows it.
@@ -67,7 +67,7 @@ fn color(text: &str) -> Result<[u8; 4], String> {
 }
 
 impl LetterFlags {
-    /// Returns the scene settings that were typed. Letters of finished plans keep their size.
+    /// Returns the scene settings that were typed. The letters of finished plans keep their size.
     #[expect(clippy::fn_params_excessive_bools, reason = "independent of each other")]
     pub(super) fn settings(&self, is_planned: bool, is_height_typed: bool) -> Vec<Setting> {
         // A drawing replaces the word, and clears the digest of an earlier drawing.

@@ -1,4 +1,4 @@
-//! `noctograph rank` orders scenes by the probability that their words are read.
+//! `noctograph rank` ranks scenes by the probability that their words are read.
 
 use std::path::PathBuf;
 
@@ -63,15 +63,17 @@ pub(super) struct RankArgs {
     output: PathBuf,
 }
 
-/// Default number of seeds per word of a task. Thirty LQRs whose mean P(read) of TEA ranges from
-/// 0.68 to 0.96 occupy eight places with 100 seeds, but only two with 20.
+/// Default number of seeds per word of a task. With 100 seeds, thirty LQRs whose mean P(read) of
+/// TEA ranges from 0.68 to 0.96 are divided into eight distinguishable ranks, but with 20 seeds
+/// only into two.
 const GRADED_SEEDS: u32 = 100;
 
 pub(super) fn run(args: &RankArgs) -> Result<Report> {
     let shard = args.shard.as_deref().map(str::parse::<Shard>).transpose()?;
     let conditions = args.study.conditions()?;
     let (contenders, unranked) = args.contenders(&conditions)?;
-    // A study has no contender if all submissions were refused. The ranking then only lists them.
+    // If all submissions were refused, the study has no contenders, and the ranking only lists the
+    // submissions.
     let least = least_flights(contenders.len());
     let usual = if args.task.is_some() { GRADED_SEEDS } else { 50 };
     let (words, seed) = (args.study.words(usual)?, args.study.seed);
@@ -99,7 +101,7 @@ pub(super) fn run(args: &RankArgs) -> Result<Report> {
         let report = Report::with_layout(json!({ "flights": flights }), "flights   {flights}");
         return Ok(report.with_files(&[path]));
     }
-    // Without a shard, all flights that neither a shard nor an earlier run has flown are flown, and
+    // Without `--shard`, all flights that are missing from shards and earlier runs are flown, and
     // the scenes are ranked.
     let ready = study.prepare()?;
     let parts = args.parts.as_deref().map(|folder| shards(&study, &ready, folder)).transpose()?;
@@ -133,16 +135,17 @@ pub(super) fn run(args: &RankArgs) -> Result<Report> {
     Ok(report.passes(ranking.unranked.is_empty()))
 }
 
-/// Name of the chart of photographs with decreasing heights of the letters.
+/// Name of the chart of photographs with decreasing letter heights.
 const ACUITY: &str = "acuity.png";
 
 impl RankArgs {
-    /// Returns the study on each rung of the ladder of --acuity, or none without this flag.
+    /// Returns the study on each rung of the ladder of --acuity, or an empty list without this
+    /// flag.
     fn ladder(&self, study: &Study) -> Result<Vec<Study>> {
         let Some(n) = self.acuity.filter(|_| !study.contenders.is_empty()) else {
             return Ok(Vec::new());
         };
-        // Every rung has the same words at a different height.
+        // Every rung uses the same words at a different letter height.
         let words = study.words.iter().map(|(word, _)| (word.clone(), n)).collect();
         let ladder = Study { words, ..study.clone() }.ladder();
         ladder.iter().try_for_each(Study::check).map(|()| ladder)

@@ -1,4 +1,5 @@
-//! `noctograph serve` serves a page that photographs a word while somebody types or draws it.
+//! `noctograph serve` serves a page that shows the photo of a word while somebody types or draws
+//! it.
 
 use std::ffi::OsString;
 use std::io::IsTerminal;
@@ -75,15 +76,15 @@ fn serve(args: &ServeArgs, program: Program) -> Result<()> {
     // The page starts from this scene, and each visitor changes a copy of it.
     let named = args.scene.as_deref().unwrap_or(Preset::default().name());
     let mut scene = Scene::find(named, &[])?.scene;
-    // A test word detects a scene that cannot be flown here instead of at each visitor's photo. A
-    // typeface of another script may lack this letter.
+    // A test word detects a scene that cannot be flown before the first visitor's photo. A typeface
+    // of another script may lack its letter.
     scene.set_word("A");
     match Shoot::new(scene.clone()) {
         Ok(_) | Err(Error::Letter { .. }) => {}
         Err(error) => return Err(error),
     }
-    // Browsers cannot read files of this machine, so that all photos of a scene with files are made
-    // here.
+    // All photos of a scene with files are made on this machine, because browsers cannot read its
+    // files.
     let is_whole = scene.files_mut().all(|file| file.is_empty() || !Path::new(file).is_absolute());
     let has_room = scene.expose.room_m.is_some();
     let config = ServerConfig {
@@ -154,7 +155,7 @@ fn object(page: &str, addresses: &Addresses) -> Value {
 
 /// Returns the addresses as text.
 fn table(args: &ServeArgs, page: &str, addresses: &Addresses, has_room: bool) -> String {
-    // The address for the network is followed by a line on what it allows.
+    // The network address is followed by a line that says what it allows.
     let mut text = line("page", page);
     if args.network && addresses.network.is_none() {
         text += &line("network", "none: connect this machine to one, and start again");
@@ -178,8 +179,7 @@ fn table(args: &ServeArgs, page: &str, addresses: &Addresses, has_room: bool) ->
     if let Some([visitors, kiosk]) =
         addresses.network.as_ref().filter(|_| std::io::stdout().is_terminal())
     {
-        // The printed QR code is meant for the cameras of tablets. Phones scan the code on the
-        // wall.
+        // The printed QR code is meant for tablets. Phones scan the code on the wall.
         text += &printed_code(if args.kiosk { kiosk } else { visitors });
     }
     text

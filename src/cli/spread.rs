@@ -1,4 +1,5 @@
-//! The ensemble of a preview: many flights under varied conditions, their photos and their bands.
+//! The ensemble of a preview, which consists of many flights under varied conditions, with their
+//! photos and bands.
 
 use super::outcome::Report;
 use super::output::OutputFolder;
@@ -80,7 +81,7 @@ impl SpreadFlags {
 }
 
 fn described(spread: &Spread, title: &str) -> Report {
-    // There is no photo of a flight that lost its drone, and no verdict on a drawing.
+    // A flight that lost its drone has no photo, and a drawing has no verdict.
     let flights = spread.flights.iter().map(|SpreadFlight { seed, shot, .. }| match shot {
         Err(lost) => json!({ "seed": seed, "lost": lost }),
         Ok(shot) => {

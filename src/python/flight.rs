@@ -342,18 +342,19 @@ fn call_controller(
 ///
 /// Parameters
 /// ----------
-/// scene : Scene Its drone, controller, estimator, air and seed. plans : list of Plan, optional The
-/// scene's own by default. With a controller, those of ``plan.reference = "design"`` and
-/// ``plan.light_clock = "setpoint"``, which are not made for the scene's own controller. controller
-/// : callable, optional ``controller(state, reference)``, or ``controller(state, reference,
-/// time_s)``, returns the motor commands m1 to m4, 0 to 65535, in place of the scene's controller,
-/// for one drone. ``state`` is the estimate, shape (12,): position (m, world), yaw, pitch and roll
-/// (rad), velocity (m/s) and angular velocity (rad/s) in the body frame (x forward, y left, z up).
-/// ``reference`` is the design at this instant, shape (9,): position (m), velocity (m/s) and
-/// acceleration (m/s²), in the world. ``time_s`` is that of the flight, in s, as in
-/// ``Flight.time_s``. The controller is called ``rates.attitude_hz`` times a second (500 by
-/// default) while the motors are on.
-///
+/// scene : Scene
+///     Its drone, controller, estimator, air and seed.
+/// plans : list of Plan, optional
+///     The scene's plans by default. With a controller, they are made with ``plan.reference = "design"`` and
+///     ``plan.light_clock = "setpoint"``, and are not adapted to the scene's own controller.
+/// controller : callable, optional
+///     ``controller(state, reference)``, or ``controller(state, reference, time_s)``, returns the motor commands m1
+///     to m4, 0 to 65535, in place of the scene's controller, for one drone. ``state`` is the estimate, shape (12,):
+///     position (m, world), yaw, pitch and roll (rad), velocity (m/s) and angular velocity (rad/s) in the body frame
+///     (x forward, y left, z up). ``reference`` is the design at this instant, shape (9,): position (m), velocity
+///     (m/s) and acceleration (m/s²), in the world frame. ``time_s`` is the time of the flight in s, as in
+///     ``Flight.time_s``. The controller is called ``rates.attitude_hz`` times a second (500 by default) while the
+///     motors are on.
 /// estimator : callable, optional
 ///     In place of the scene's estimator, for one drone: ``estimator(state)``, a class or a function, is given the state
 ///     at rest, shape (12,), and returns what is called at each tick (``rates.control_hz``, 500 by default) with
