@@ -1,4 +1,4 @@
-//! Flags that several verbs share, and the scenes and plans that these flags select.
+//! Flags of several verbs, and the scenes and plans that these flags select.
 
 use std::path::{Path, PathBuf};
 

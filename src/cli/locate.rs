@@ -190,7 +190,7 @@ drone {drone.#}|{rmse_m.0*100:.1}|{rmse_m.1*100:.1}|{rmse_m.2*100:.1}|{rmse_3d_m
 struct Dated<'a> {
     path: &'a PathBuf,
     flight: Flight,
-    /// Timestamp of the file's time zero, in s, on a clock that other files may share.
+    /// Timestamp of the file's time zero, in s, on a clock that other files may also use.
     zero_stamp_s: Option<f64>,
     /// Seconds to add to the file's times.
     offset_s: f64,

@@ -122,7 +122,7 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
         }
     };
 
-    // The speed, lag and gaps of the flight explain faults better than the photo alone.
+    // The speed, lag and gaps of the flight explain faults better than the photo does.
     let mut flights = Vec::new();
     FLIGHTS.check_all(&args.flight)?;
     for path in &args.flight {

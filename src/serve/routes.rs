@@ -139,7 +139,7 @@ impl Server {
         }
     }
 
-    /// Answers the routes that all addresses share, which are the page and the facts that it needs.
+    /// Answers the routes common to all addresses, which are the page and the facts that it needs.
     pub(crate) fn common(&self, parts: &[&str], request: &Request) -> KeyResult<Reply> {
         match *parts {
             ["alive"] => Ok(http::json(&json!({ "boot": self.boot }))),
