@@ -76,8 +76,7 @@ fn main() -> Outcome<()> {
             print_out(&heading("drones", n));
             (2..=6).try_for_each(|drones| {
                 let drones = drones.to_string();
-                // The word contains a letter for each drone, because every drone writes at least
-                // one.
+                // Every drone writes at least one letter, so the word contains one for each.
                 let set = [
                     ("word", "NOORNOOR"),
                     ("plan.drones", drones.as_str()),

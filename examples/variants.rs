@@ -120,8 +120,7 @@ fn word_of(name: &str) -> &str {
     name.split('-').next().unwrap_or(name)
 }
 
-/// Returns the reading given the word, whether the word is legible, and the reading without the
-/// word.
+/// Returns the reading given the word, the legibility, and the reading without the word.
 fn readings(picture: RgbImage, name: &str) -> Outcome<(String, bool, String)> {
     let photo = Photo::made(PhotoData {
         width_px: picture.width(),

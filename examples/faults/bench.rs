@@ -26,8 +26,7 @@ use noctograph::studies::Conditions;
 /// Number of levels of a fault.
 pub(crate) const LEVELS: usize = 6;
 
-/// Words over which each cell of the table is averaged. The seed of a word's flight is its index,
-/// counted from 1.
+/// Words over which each cell of the table is averaged. A word's index, from 1, is its seed.
 pub(crate) const WORDS: [&str; 3] = ["NOOR", "HAZE", "JUMP"];
 
 /// A fault that spoils a photograph.
@@ -256,8 +255,7 @@ impl Setting {
                     let lit: Vec<usize> = (0..letters.len())
                         .filter(|&row| letters[row] == Some(letter) && levels[row] > 0.0)
                         .collect();
-                    // Multiples of the golden ratio distribute the removed parts over the letters
-                    // of all words.
+                    // Multiples of the golden ratio distribute the removed parts over all letters.
                     let place = ((self.actual.seed as f64 + letter as f64) * 0.618_034).fract();
                     let from = share_of(lit.len(), place * (1.0 - self.missing_frac));
                     let run = share_of(lit.len(), self.missing_frac);
@@ -315,8 +313,7 @@ pub(crate) fn table(faults: &[Fault]) -> Result<String> {
     Ok(text)
 }
 
-/// Returns one line of the table. Readers are cached, because creating one takes longer than
-/// reading with it.
+/// Returns one line of the table. Readers are cached, because creating one is slow.
 fn line(
     readers: &mut Vec<(Strokes, Reader)>,
     name: &str,

@@ -1,5 +1,4 @@
-//! Makes a contact sheet of the bench's photographs with faults, or prints the bench's table at
-//! other levels.
+//! Makes a contact sheet of photographs with faults, or prints the bench's table at other levels.
 //!
 //! ```sh
 //! cargo run --release --example faults -- sheet docs/faults.png       # ten faults, six levels

@@ -4,8 +4,7 @@
 //!   flight, for training the network. A strip consists of its labels, its width and its bytes.
 //! - `photos OUT WORDS FACES... [--first 0 --count 320]` writes photographs for readers, their
 //!   scenes, and truth.json. Each word is used once.
-//! - `clean OUT WORDS` photographs each word in the default scene in two sizes, for the
-//!   calibration.
+//! - `clean OUT WORDS` photographs each word in the default scene in two sizes for calibration.
 //! - `verdicts OUT` prints a line for each photograph of OUT/truth.json, for the calibration. The
 //!   line contains the name, the expected word, the readability, ln p of each letter, the word of
 //!   the best letters, the rival and its probability, and the blind reading.
@@ -39,8 +38,7 @@ const CHARACTERS: &str = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz01
 /// Number of photographs of each flight for training.
 const PHOTOS_OF_FLIGHT: usize = 2;
 
-/// Number of picture sizes for training. Only the smaller sizes are used, because strips are only
-/// 40 pixels high.
+/// Number of picture sizes for training. Strips are only 40 pixels high, so small pictures suffice.
 const N_SMALL: usize = 7;
 
 /// Words, typefaces, and the range of seeds.

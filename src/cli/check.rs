@@ -1,5 +1,4 @@
-//! `noctograph check` tells whether a word or a plan is safe to fly. The exit code is 1 if it is
-//! not.
+//! `noctograph check` reports whether a word or plan is safe to fly, and exits with 1 if not.
 
 use super::flags::{ProfileFlags, SubjectFlags};
 use super::outcome::Report;

@@ -1,5 +1,4 @@
-//! `noctograph compare` measures the distances between two flights, and between each flight and its
-//! design.
+//! `noctograph compare` measures the distance between two flights, and of each from its design.
 
 use std::path::{Path, PathBuf};
 
@@ -78,8 +77,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report> {
         let (cause, change) = in_words(cause);
         json!({ "cause": cause, "change": change, "share": fraction })
     });
-    // The JSON object contains the comparison, and each flight's tracking error relative to its own
-    // design.
+    // The JSON object contains the comparison and each flight's tracking error.
     let mut product = json!(comparison);
     product["a"] = side(&args.a, &a, &tracking[0]);
     product["b"] = side(&args.b, &b, &tracking[1]);
@@ -144,8 +142,7 @@ change    {cause.change}
 
 ";
 
-/// Reads both flights. `--clock-ratio` corrects the drone's clock, and therefore applies to only
-/// one of two logs.
+/// Reads both flights. `--clock-ratio` corrects a drone's clock, so it applies to only one.
 fn read(args: &CompareArgs, options: &ComparisonOptions) -> Result<[Flight; 2]> {
     let position = args.position_b.unwrap_or(args.flights.position);
     let flags = [args.flights.clone(), FlightFlags { position, ..args.flights.clone() }];

@@ -1,5 +1,5 @@
-//! `noctograph compare-photo` aligns a render with a real photograph by their letters, and shows
-//! how they differ.
+//! `noctograph compare-photo` aligns a render with a real photo by their letters and shows the
+//! difference.
 
 use std::path::PathBuf;
 
@@ -26,8 +26,7 @@ pub(super) struct ComparePhotoArgs {
     output: PathBuf,
 }
 
-/// Maximum length of the compared photograph's longer side, in pixels. A larger picture is scaled
-/// down.
+/// Longer side, in pixels, to which larger photographs are scaled down for the comparison.
 const LONGEST_PX: u32 = 2048;
 
 pub(super) fn run(args: &ComparePhotoArgs) -> Result<Report> {

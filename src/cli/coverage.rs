@@ -54,8 +54,7 @@ pub(super) fn run(args: &CoverageArgs) -> Result<Report> {
     if let Some(word) = typed_word(args.word.as_ref(), args.as_word.as_ref())? {
         set_word(&mut scene, word);
     }
-    // For ranging, the error bound along the word is computed, and for Lighthouse, a map of the
-    // word's plane.
+    // Ranging yields an error bound along the word, and Lighthouse a map of the word's plane.
     if scene.sensors.positioning.is_by_ranges() {
         return along_the_word(args, scene);
     }
@@ -122,8 +121,7 @@ advice    one more anchor that all drones hear helps most at ({one_more_anchor.p
 
 /// Returns the report on a coverage map of base stations.
 fn coverage_report(grid: &Coverage, n_stations: usize, bounds_m: [f64; 4]) -> Report {
-    // `errors_m` is sorted and contains only the errors at points that two stations see, so it may
-    // be empty.
+    // `errors_m` contains the sorted errors at points that two stations see, if any.
     let errors_m = grid.errors_m();
     let quantile_m =
         |percent: usize| Some(errors_m[errors_m.len().checked_sub(1)? * percent / 100]);

@@ -66,8 +66,7 @@ pub(super) fn tried(choice: BackendChoice) -> Result<BackendChoice> {
         }
         fault.to_owned()
     });
-    // With `auto`, the CPU is used if the driver is faulty. With `--backend wgpu`, a faulty driver
-    // is an error.
+    // If the driver is faulty, `auto` selects the CPU, and `--backend wgpu` fails.
     let is_chosen = choice == BackendChoice::Wgpu;
     if fault.is_empty() || is_chosen && fault == UNTRIED {
         return Ok(choice);
@@ -101,8 +100,7 @@ fn fault(trial: &mut Command, patience: Duration) -> Option<&'static str> {
         }
     }
     let _ = child.kill();
-    // The end of the process is not awaited, because a process that hangs in the kernel may never
-    // end.
+    // The end is not awaited, because a process that hangs in the kernel may never end.
     let _ = child.try_wait();
     Some("hangs")
 }

@@ -155,8 +155,7 @@ impl ExposeArgs {
     /// Prints warnings about a shot, and returns its report. `path` is the photo's file.
     fn report(&self, shot: Shot, path: PathBuf) -> Report {
         warn(shot.problems.iter().map(|problem| problem.sentence(mentioned)));
-        // A light trace contains its own colors and therefore needs no word. In that case there are
-        // no flights.
+        // A light trace contains its own colors and needs no word. It yields no flights.
         if !shot.shoot.scene.has_strokes() && !shot.flights.is_empty() && !self.lit {
             let note =
                 "the photo contains no word: pass one with --word, or after the photo in `score`";

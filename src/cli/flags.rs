@@ -16,8 +16,7 @@ use crate::shoot::{DesignCheck, Shoot};
 use clap::Args;
 use noctograph_core::files::{Limit, file_name, files_in, is_file_name};
 
-/// Limit on the total size of plans that are flown together. A plan has about 6 MB per hour of
-/// flight.
+/// Limit on the total size of plans that fly together. An hour of flight takes about 6 MB.
 const PLANS: Limit = Limit {
     bytes: 64 << 20,
     what: "plans",
@@ -60,8 +59,7 @@ impl SceneFlags {
         self.load_from(self.carried(files)?.as_ref(), more, &[])
     }
 
-    /// Loads a scene like [`load`](Self::load), for a verb that uses keys which have no effect in a
-    /// flight.
+    /// Loads a scene like [`load`](Self::load), for a verb that uses more keys than a flight.
     pub(super) fn load_from(
         &self,
         carried: Option<&CarriedScene>,
@@ -342,8 +340,7 @@ pub(super) fn frame(scene: &mut Scene) -> Result<()> {
     }
 }
 
-/// Reads plans whose scene has already been read, and checks that plans and scene still belong
-/// together.
+/// Reads plans whose scene has been read, and checks that they still belong together.
 pub(super) fn read_plans(paths: &[PathBuf], carried: Option<&CarriedScene>) -> Result<Vec<Plan>> {
     PLANS.check_all(paths)?;
     let plans = paths.iter().map(|path| Plan::read_csv(path)).collect::<Result<_>>()?;
@@ -452,8 +449,7 @@ fn warn_of_smaller_letters(shoot: &Shoot) {
     }
 }
 
-/// Warns of keys that were set but have no effect, except for the keys in `used`, which the verb
-/// uses.
+/// Warns of keys that were set but have no effect, except for those in `used`.
 pub(super) fn warn_of_unused_keys(scene: &Scene, used: &[&str]) {
     let unused = scene.unused_keys().into_iter().filter(|(key, _)| !used.contains(&key.as_str()));
     warn(unused.map(|(key, why)| format!("{key} has no effect: {why}")));

@@ -74,8 +74,7 @@ fn ratio(text: &str) -> std::result::Result<f64, String> {
 }
 
 impl FlightFlags {
-    /// Returns the options of an import. If the log does not name its firmware, that of the scene
-    /// is used.
+    /// Returns the options of an import, with the scene's firmware if the log names none.
     pub(super) fn options(&self, scene: Option<&Scene>) -> ImportOptions {
         ImportOptions {
             firmware: scene.map(|scene| scene.vehicle.firmware),
@@ -97,8 +96,7 @@ impl FlightFlags {
         Ok(self.read_log(path, scene)?.flight)
     }
 
-    /// Reads a flight or a log like [`read`](Self::read), and also returns the other results of the
-    /// import.
+    /// Reads a flight or a log like [`read`](Self::read), and returns all results.
     pub(super) fn read_log(&self, path: &Path, scene: Option<&Scene>) -> Result<OnClock> {
         let log = logs::import_on_clock(path, &self.options(scene))?;
         warn_of(path, &log.flight.warnings);
@@ -117,8 +115,7 @@ impl FlightFlags {
         if let Some(word) = word {
             set_word(&mut scene, word);
         }
-        // The total number of samples is checked after each file, before memory is used for the
-        // next file.
+        // The total number of samples is checked before each further file is read.
         FLIGHTS.check_all(paths)?;
         let mut recordings = Vec::new();
         for path in paths {

@@ -49,8 +49,7 @@ pub(super) fn run(args: &FlyArgs) -> Result<Report> {
     FLIGHTS.check_all(&args.setpoints)?;
     for path in &args.setpoints {
         let log = args.flight.read_log(path, Some(&scene))?;
-        // No assumption about firmware is needed for a simulated flight, whose clock has no zero
-        // timestamp.
+        // Only the log of a drone's own clock, without a zero timestamp, needs a firmware.
         if log.firmware.is_none() && log.zero_stamp_s.is_none() {
             let release = scene.vehicle.firmware.name();
             let text =

@@ -68,8 +68,7 @@ pub(super) fn follow<T>(
             let start = Instant::now();
             match frame(&logs) {
                 product if has_ended => return product,
-                // The logs may still be too short for a photo. A reason is printed only when it
-                // changes.
+                // The logs may still be too short. A reason is printed only when it changes.
                 Err(error) if error.to_string() != why => {
                     why = error.to_string();
                     message("note: ", &format!("no photo yet: {why}"));

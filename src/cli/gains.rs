@@ -1,5 +1,4 @@
-//! `noctograph gains` prints the gains of controller and observer, the poles and the stability
-//! margins.
+//! `noctograph gains` prints controller and observer gains, poles and stability margins.
 
 use nalgebra::{Complex, DMatrix};
 
@@ -30,8 +29,7 @@ pub(super) fn run(args: &GainsArgs) -> Result<Report> {
     let scene = args.scene.load(&[], &[])?;
     let vehicle_s = 0.5 * (scene.vehicle.motor_rise_s + scene.vehicle.motor_fall_s);
     let default_s = if vehicle_s > 0.0 { vehicle_s } else { MOTOR_LAG_S };
-    // The regulator and the observer are designed, and the loop with the scene's controller is
-    // linearized.
+    // Regulator and observer are designed, and the scene's control loop is linearized.
     let design = design(&scene.sim(), args.motor_lag.unwrap_or(default_s))?;
     warn(&design.warnings);
     let gains = gains(&scene.sim());
@@ -41,8 +39,7 @@ pub(super) fn run(args: &GainsArgs) -> Result<Report> {
         .iter()
         .map(|(name, [p, i, d], unit)| (*name, json!({ "p": p, "i": i, "d": d, "unit": unit })))
         .collect();
-    // The Luenberger observer estimates only nine states, because yaw is not observable from the
-    // position.
+    // The Luenberger observer omits yaw, which is not observable from the position.
     let is_luenberger = scene.observer.kind == EstimatorKind::Luenberger;
     let observed: Vec<&str> = STATES.into_iter().take(9).filter(|s| *s != "psi").collect();
     let l = is_luenberger.then(|| matrix(&design.l, &observed));
@@ -132,8 +129,7 @@ fn gains(sim: &SimOptions) -> LoopGains {
             loops
                 .enumerate()
                 .map(|(index, (name, gains))| {
-                    // The vertical velocity loop outputs thrust in units of 1000/65535 of a motor's
-                    // range.
+                    // The climb rate loop outputs thrust in 1000/65535 of a motor's range.
                     let unit = if index == 5 { "1000/65535 per m/s" } else { units[index / 3] };
                     (name, gains, unit)
                 })

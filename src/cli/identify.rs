@@ -1,5 +1,4 @@
-//! `noctograph identify` estimates a drone's parameters and its observer's weights from a flight
-//! log.
+//! `noctograph identify` estimates drone parameters and observer weights from a flight log.
 
 use std::path::{Path, PathBuf};
 

@@ -226,8 +226,7 @@ fn aligned_logs<'a>(
         let measured = ranges(&log.flight, logs.len());
         samples.push(measured.map_err(|error| error.in_file(path.display(), None))?);
         logs.push(log);
-        // The number of ranges is checked before the next log is read, because it determines the
-        // memory use.
+        // The number of ranges is checked before the next log is read, to limit memory.
         check_count(samples.iter().map(Vec::len).sum())?;
     }
     align_logs(&mut logs, &mut samples)?;
@@ -418,8 +417,7 @@ fn flight(located: &Located, drone: usize) -> Result<Flight> {
     })
 }
 
-/// Returns the median and the maximum standard deviation of the positions in m, combined over the
-/// three axes.
+/// Returns the median and the maximum standard deviation of the positions over three axes, in m.
 fn sigmas_m(located: &Located) -> Option<[f64; 2]> {
     let drones = located.covariance_m2.iter().enumerate();
     let heard = drones.flat_map(|(drone, covariances)| &covariances[located.heard(drone)]);

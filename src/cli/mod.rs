@@ -1,5 +1,4 @@
-//! The command line, with its arguments, progress bars, tables and exit codes. Each verb has a
-//! file.
+//! The command line, with arguments, progress bars, tables and exit codes. Each verb has a file.
 //!
 //! The program writes results to stdout, and progress, warnings and errors to stderr. The exit code
 //! is 0 for success (and a legible word), 1 for a word that is not legible, an unsafe flight or a
@@ -287,8 +286,7 @@ fn run_typed() -> u8 {
 ///
 /// [`Error::Input`] for arguments that are refused, and the errors of the verb.
 pub fn report_of(words: &[String]) -> Result<Report> {
-    // For a calling program, help and version are ordinary results, and refused arguments are an
-    // ordinary error.
+    // For a calling program, help and version are results, and refused arguments an error.
     let words = std::iter::once("noctograph").chain(words.iter().map(String::as_str));
     let args = command().try_get_matches_from(words);
     match args.and_then(|matches| CommandLine::from_arg_matches(&matches)) {
@@ -397,8 +395,7 @@ fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) 
     work()
 }
 
-/// Runs a verb for a caller that displays warnings and notes itself. If the verb fails, they are
-/// printed.
+/// Runs a verb for a caller that displays its messages. If the verb fails, they are printed.
 fn run_quietly(verb: &Verb) -> Result<Report> {
     let report = quietly(|| run_warned(verb, true));
     warn(take_warnings());

@@ -10,8 +10,7 @@ use noctograph_core::settings::{Described, Shape};
 /// A scene key with its new value.
 pub(super) type Setting = (String, String);
 
-/// Returns a parser for a choice, which lists the choice's names in the help and suggests the
-/// nearest name.
+/// Returns a parser for a choice, which lists its names in the help and suggests the nearest one.
 pub(super) fn named<T>() -> impl TypedValueParser<Value = T>
 where
     T: Described + FromStr<Err = Error> + Clone + Send + Sync + 'static,

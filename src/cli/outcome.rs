@@ -31,14 +31,12 @@ impl Report {
         Self { text, json, passed: true, aside: false, photo: None }
     }
 
-    /// Creates a report from a value that serializes as an object, with a text formatted by a
-    /// layout.
+    /// Creates a report from a value that serializes as an object, and from a layout.
     pub(super) fn with_layout(product: impl Serialize, layout: &str) -> Self {
         Self::with_words(product, &Value::Null, layout)
     }
 
-    /// Creates a report like [`with_layout`](Self::with_layout), with values that appear only in
-    /// the text.
+    /// Creates a report with a layout and with values that appear only in the text.
     pub(super) fn with_words(product: impl Serialize, words: &Value, layout: &str) -> Self {
         let report = Self::new(String::new(), product);
         Self { text: print(layout, &[&report.json, words]), ..report }

@@ -39,8 +39,7 @@ impl Outputs {
             return Err(Error::input(place, actual, "a folder for a file of each", hint));
         }
         let path_or = |default: String| path.map_or_else(|| default.into(), Path::to_owned);
-        // All files are opened before the long computation, so that an unwritable path is refused
-        // immediately.
+        // Files are opened before the long computation, to refuse an unwritable path early.
         Ok(match n_drones {
             1 => {
                 let path = path_or(format!("{kind}.csv"));

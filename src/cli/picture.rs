@@ -1,5 +1,4 @@
-//! Flags of the picture, which set the camera and its position, the size or paper, and the compute
-//! device.
+//! Flags that set the picture's camera, its position, the size or paper, and the compute device.
 
 use std::path::PathBuf;
 
@@ -102,8 +101,7 @@ impl PictureFlags {
     pub(super) fn apply(&self, scene: &mut Scene) -> Result<()> {
         self.camera.apply(scene)?;
         self.stand.apply(scene)?;
-        // A dot of a print is larger than a photosite, and combines the charge of several
-        // photosites.
+        // A dot of a print combines the charge of several smaller photosites.
         if let Some(Size { px: [width_px, height_px], dots_per_inch }) = self.size {
             let Scene { camera, photo, .. } = scene;
             if let Noise::Emva1288(noise) = &mut photo.noise

@@ -52,8 +52,7 @@ pub(super) fn run(args: &PlanArgs) -> Result<Report> {
         set_word(&mut scene, word);
     }
     frame(&mut scene)?;
-    // The output is opened before the long computation, so that a wrong path is refused
-    // immediately.
+    // The output is opened before the long computation, to refuse a wrong path early.
     let strokes = scene.strokes()?;
     let svg = args.output.as_deref().filter(|path| is_svg(path));
     let outputs = match svg {

@@ -62,8 +62,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     // The graphics device is prepared while the word is planned.
     let developer = Developer::start(tried(args.picture.backend)?);
     let shoot = planned(args)?;
-    // The conditions and the folder are checked before the long computation, because they may be
-    // refused.
+    // Conditions and folder, which may be refused, are checked before the long computation.
     let conditions = args.spread.conditions()?;
     let flown = args.flown.as_deref().map(|log| flown::prepared(&shoot, log)).transpose()?;
     let mut folder = OutputFolder::create(&args.output)?;
@@ -186,8 +185,7 @@ fn write(shot: &Shot, verdict: &Value, path: &Path, folder: &mut OutputFolder) -
     let former = path.join(VERDICT);
     match shot.verdict {
         Some(_) => folder.write(VERDICT, format!("{verdict:#}\n")).map(drop)?,
-        // An earlier verdict's file is removed, because it would be mistaken for the verdict on
-        // this photograph.
+        // The file of an earlier verdict, which is not about this photograph, is removed.
         None if former.is_file() => folder.replaces(vec![former]),
         None => {}
     }

@@ -66,8 +66,7 @@ fn strip(line: &str, first: char, second: char) -> Option<(&str, &str)> {
     line.strip_prefix(first)?.split_once(second)
 }
 
-/// Applies a function to each item of a list. Returns the results, or `None` if no scope contains
-/// the list.
+/// Applies a function to each item of a list. Returns `None` if no scope contains the list.
 fn each<T>(path: &str, scopes: &[&Value], item: impl Fn(&[&Value]) -> T) -> Option<Vec<T>> {
     let items = value(path, scopes)?.as_array().into_iter().flatten().enumerate();
     let items = items.map(|(index, value)| {

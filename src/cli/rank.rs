@@ -72,8 +72,7 @@ pub(super) fn run(args: &RankArgs) -> Result<Report> {
     let shard = args.shard.as_deref().map(str::parse::<Shard>).transpose()?;
     let conditions = args.study.conditions()?;
     let (contenders, unranked) = args.contenders(&conditions)?;
-    // If all submissions were refused, the study has no contenders, and the ranking only lists the
-    // submissions.
+    // If all submissions were refused, there are no contenders, and the ranking only lists them.
     let least = least_flights(contenders.len());
     let usual = if args.task.is_some() { GRADED_SEEDS } else { 50 };
     let (words, seed) = (args.study.words(usual)?, args.study.seed);
@@ -139,8 +138,7 @@ pub(super) fn run(args: &RankArgs) -> Result<Report> {
 const ACUITY: &str = "acuity.png";
 
 impl RankArgs {
-    /// Returns the study on each rung of the ladder of --acuity, or an empty list without this
-    /// flag.
+    /// Returns the study on each rung of the ladder of --acuity, or none without it.
     fn ladder(&self, study: &Study) -> Result<Vec<Study>> {
         let Some(n) = self.acuity.filter(|_| !study.contenders.is_empty()) else {
             return Ok(Vec::new());

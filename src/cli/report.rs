@@ -105,8 +105,7 @@ fn shows(path: &Path) -> bool {
     }
 }
 
-/// Returns the verdict on the folder's photo as a sentence, or an empty text if there is no
-/// verdict.
+/// Returns the verdict on the folder's photo as a sentence, or an empty text if there is none.
 fn lead(files: &[PathBuf]) -> Result<String> {
     let Some(path) = files.iter().find(|path| name(path).eq_ignore_ascii_case("verdict.json"))
     else {

@@ -37,8 +37,7 @@ pub(super) fn run(args: &SceneArgs) -> Result<Report> {
         word.clone_into(&mut scene.word);
     }
     let Some(path) = &args.output else {
-        // Paths are relative to the current folder, because the output is most likely redirected to
-        // a file there.
+        // Paths are relative to the current folder, where the output is probably redirected.
         let files = scene.in_folder(Path::new(""), "")?;
         let toml = if files.copies.is_empty() { files.toml } else { scene.to_toml() };
         return Ok(Report::new(toml, &scene));

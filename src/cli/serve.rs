@@ -1,5 +1,4 @@
-//! `noctograph serve` serves a page that shows the photo of a word while somebody types or draws
-//! it.
+//! `noctograph serve` serves a page that photographs a word while somebody types or draws it.
 
 use std::ffi::OsString;
 use std::io::IsTerminal;
@@ -83,8 +82,7 @@ fn serve(args: &ServeArgs, program: Program) -> Result<()> {
         Ok(_) | Err(Error::Letter { .. }) => {}
         Err(error) => return Err(error),
     }
-    // All photos of a scene with files are made on this machine, because browsers cannot read its
-    // files.
+    // Photos of a scene with files are made here, because browsers cannot read its files.
     let is_whole = scene.files_mut().all(|file| file.is_empty() || !Path::new(file).is_absolute());
     let has_room = scene.expose.room_m.is_some();
     let config = ServerConfig {

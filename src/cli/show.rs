@@ -14,8 +14,7 @@ use serde_json::{Value, json};
 
 /// Returns the text of a verdict, with lines for the word, a row for each letter, and advice.
 pub fn verdict_table(verdict: &Verdict) -> String {
-    // The second opinion is the reading without knowledge of the word, which is shown unless it is
-    // empty.
+    // The second opinion, the reading without the word, is shown unless it is empty.
     let second = verdict.second_opinion.as_deref().filter(|text| !text.is_empty());
     let words = json!({
         "sentence": verdict_sentence(verdict),

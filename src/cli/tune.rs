@@ -115,8 +115,7 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     let mut watch = |n_flights: usize, best: &Candidate| {
         let spent = time.map(|time| start.elapsed().as_secs_f64() / time.as_secs_f64());
         if let Some(spent) = spent.filter(|_| std::mem::take(&mut first)) {
-            // The duration of the first flights is used to estimate how long the smallest study
-            // takes.
+            // The first flights show how long the smallest study would take.
             let least_flights = options.least_budget();
             let needed = spent * least_flights as f64 / n_flights as f64;
             if needed > 1.0 {

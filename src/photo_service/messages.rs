@@ -98,8 +98,7 @@ const ADVICE: &str = "set-camera.focus_m set-camera.framing set-camera.metering 
     set-plan.light_clock set-plan.lights set-plan.reference set-plan.stroke_speed_m_s \
     set-plan.style set-other";
 
-/// Returns the key if it is in the list, or else the last key of the list, which represents all
-/// unlisted keys.
+/// Returns the key if it is in the list, or else the list's last key, for all unlisted keys.
 fn key_or_last(keys: &str, key: &str) -> String {
     let listed = keys.split(' ').find(|listed| *listed == key);
     listed.or(keys.split(' ').next_back()).unwrap_or_default().to_owned()
@@ -140,8 +139,7 @@ impl Message {
             Error::Letter { position, letter, .. } => {
                 json!({ "letter": letter, "position": position })
             }
-            // The page mentions the setting, because its allowed values may differ between
-            // versions.
+            // The page names the setting, whose allowed values may differ between versions.
             Error::Input { place, .. } if key == Key::NotPossible => {
                 json!({ "setting": dotted(place) })
             }
@@ -216,8 +214,8 @@ fn dotted(place: &Place) -> String {
     keys.collect::<Vec<_>>().join(".")
 }
 
-/// Returns the key for an error. It has the name of the error's code, unless there is a more
-/// precise key.
+/// Returns the key for an error. It is named like the error's code, unless a more precise key
+/// exists.
 fn key_of(error: &Error, is_picture: bool) -> Key {
     let Error::Input { place, .. } = error else {
         return match error.code() {

@@ -15,8 +15,8 @@ use noctograph_pipeline::shoot::{Shot, writing};
 
 /// Time between two points of a stroke, in s.
 const STEP_S: f64 = 0.08;
-/// Level above which a lamp counts as lit. It is 0, because even a red die at level 2 of 255 leaves
-/// a visible line.
+/// Level above which a lamp counts as lit. It is 0, because even level 2 of 255 leaves a visible
+/// line.
 const LIT: f64 = 0.0;
 /// Longest dark interval within a stroke, in s, as it occurs when a lamp changes its color.
 const BLINK_S: f64 = 0.05;
@@ -61,8 +61,7 @@ impl LightMap {
         let lamps = writing(&shot.flights, &shot.trace, &shot.shoot.scene.light);
         let mut strokes: Vec<Stroke<'_>> = Vec::new();
         for stroke in lamps.iter().flat_map(|lamp| lamp_strokes(lamp)) {
-            // Lamps of a drone that are lit simultaneously form one stroke with the sum of their
-            // colors.
+            // A drone's lamps that are lit simultaneously form one stroke of their summed colors.
             match strokes.iter_mut().find(|other| overlap(other, &stroke)) {
                 None => strokes.push(stroke),
                 Some(other) => (0..3).for_each(|color| other.rgb[color] += stroke.rgb[color]),
@@ -130,8 +129,7 @@ impl MappedStroke {
             #[expect(clippy::cast_possible_truncation, reason = "an hour")]
             points.extend([(100.0 * sample.time_s).round() as i64, x, y]);
         }
-        // The color is scaled to full brightness and approximately converted to screen values
-        // (gamma 2).
+        // The color is scaled to full brightness and converted to the screen with a gamma of 2.
         let brightest = stroke.rgb.into_iter().fold(f64::MIN_POSITIVE, f64::max);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
         let rgb = stroke.rgb.map(|light| (255.0 * (light / brightest).sqrt()).round() as u8);

@@ -117,8 +117,7 @@ pub enum Product {
     Live,
     /// The large photo, with an explained verdict and the checks that stop its flight.
     Large {
-        /// True if advice is given on an unreadable word, which takes about thirty simulated
-        /// flights.
+        /// True if advice on an unreadable word is wanted, which takes about thirty flights.
         advice: bool,
         /// True if its files are also made, which are the photo, the scene and the plans.
         files: bool,
@@ -150,8 +149,7 @@ impl Drawing {
             return Ok(self.text.clone().into_bytes());
         }
         let bytes = BASE64_STANDARD.decode(&self.text).map_err(not_a_picture)?;
-        // The page scales pictures down, but a small file from another sender may contain a huge
-        // picture.
+        // The page scales pictures down, but another sender's small file may contain a huge one.
         let reader = ImageReader::with_format(Cursor::new(&bytes), ImageFormat::Jpeg);
         let (width, height) = reader.into_dimensions().map_err(not_a_picture)?;
         if width.max(height) > MAX_SIDE {

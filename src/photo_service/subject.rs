@@ -24,8 +24,7 @@ impl Subject {
         Ok(CarriedScene::in_log(LOG.as_ref()))
     }
 
-    /// Returns the width, depth and height of the room in m, or `None` if the subject names no
-    /// room.
+    /// Returns the room's width, depth and height in m, or `None` if there is no room.
     fn room_m(&self) -> Result<Option<[f64; 3]>> {
         let Some(text) = &self.room else { return Ok(None) };
         let room_m = parse_room(text).map_err(|wanted| {

@@ -88,8 +88,7 @@ extern "C" fn script() -> usize {
     answered(|_| Product::Script)
 }
 
-/// Reads the request, makes its product, and stores the answer. Returns the length of the answer in
-/// bytes.
+/// Reads the request, makes its product, and stores the answer. Returns its length in bytes.
 fn answered(product: fn(&PhotoRequest) -> Product) -> usize {
     let photo = match PhotoRequest::parse(&input(), Asker::Alone) {
         Ok(photo) => photo,

@@ -59,8 +59,7 @@ mod _noctograph {
 fn raised(py: Python<'_>, error: &Error) -> PyErr {
     let (class, arguments) = match error {
         Error::Input { place, found, wanted, hint, .. } => {
-            // For a scene without a file, the place contains only the key, because the user has not
-            // seen its lines.
+            // Without a file, the place of an error in the scene is only the key.
             let mut place = (**place).clone();
             if place.0.first() == Some(&Segment::File("scene".into())) {
                 place.0.retain(|part| matches!(part, Segment::Key(_) | Segment::Index(_)));
@@ -137,8 +136,7 @@ fn data_frame(py: Python<'_>, csv: String) -> PyResult<Bound<'_, PyAny>> {
     py.import("pandas")?.call_method1("read_csv", (text,))
 }
 
-/// Returns what pickle stores for an object, which is the static method `read` and the text to
-/// read.
+/// Returns what pickle stores for an object, the static method `read` and the text to read.
 fn reduced(object: &Bound<'_, PyAny>, read: &str, text: String) -> PyResult<Reduced<(String,)>> {
     Ok((object.get_type().getattr(read)?.unbind(), (text,)))
 }
@@ -268,8 +266,7 @@ fn numbers(array: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyResult<Vec
         if columns == 1 { shape.len() == 1 } else { shape.len() == 2 && shape[1] == columns };
     if !fits {
         let wanted = if columns == 1 { "(N,)".to_owned() } else { format!("(N, {columns})") };
-        // The hint covers common mistakes, which are quaternions, a column vector, and a transposed
-        // array.
+        // The hint covers quaternions, column vectors, and transposed arrays.
         let hint = match name {
             "attitude_rad" if shape.last() == Some(&4) => {
                 "pass yaw, pitch and roll, which nc.attitude_rad computes from quaternions"

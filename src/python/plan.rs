@@ -203,8 +203,7 @@ impl PyPlan {
             return Err(refused(py, "plan", "no setpoint", "one or more", "plan a word"));
         }
         let rows: Vec<usize> = times_s.iter().map(|time_s| self.0.row_at(*time_s)).collect();
-        // The position, velocity, acceleration, jerk, yaw and light are arrays with one row per
-        // time.
+        // Each quantity of the design is an array with one row per time.
         let mut arguments = Vec::new();
         let times = times_s.iter().zip(&rows);
         let designs: Vec<_> = times.map(|(time_s, row)| self.design(*time_s, *row)).collect();

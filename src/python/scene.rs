@@ -168,8 +168,7 @@ fn flatten(
     Ok(())
 }
 
-/// Converts a value to the command line's syntax, which is TOML except for texts, which are
-/// unchanged.
+/// Converts a value to the command line's syntax, TOML except for texts, which are unchanged.
 #[pyfunction]
 pub(super) fn setting(value: &Bound<'_, PyAny>) -> PyResult<String> {
     value.extract::<String>().or_else(|_not_text| toml(value))

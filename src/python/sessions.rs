@@ -45,8 +45,7 @@ impl SeededFlight {
         }
     }
 
-    /// Ends the flight, and returns the outcome of its photo, with a warning if the drone never
-    /// took off.
+    /// Ends the flight, and returns its photo's outcome, with a warning if it never took off.
     fn judge(self, prepared: &Prepared) -> Result<(Outcome, Option<Diagnostic>)> {
         match (self.lost, self.session) {
             (None, Some(session)) => {

@@ -31,8 +31,7 @@ pub(super) struct PyShot {
     warnings: Vec<Diagnostic>,
 }
 
-/// Maximum size of a picture in a notebook, in bytes. Base64 makes it a third larger, which is 200
-/// kB.
+/// Maximum size of a picture in a notebook, in bytes. In base64, this is 200 kB.
 const MOST_BYTES: usize = 150_000;
 
 impl PyShot {
@@ -41,13 +40,11 @@ impl PyShot {
         self.shot.film.as_ref().expect("its shoot keeps it")
     }
 
-    /// Returns the photo as a JPEG of at most [`MOST_BYTES`], reducing its quality or its size if
-    /// necessary.
+    /// Returns the photo as a JPEG of at most [`MOST_BYTES`], at a reduced quality or size.
     fn small_jpeg(&self) -> Vec<u8> {
         let mut photo = self.shot.photo.clone();
         loop {
-            // Below a quality of 60, JPEG blocks would become visible, so the sides are halved
-            // instead.
+            // The sides are halved, because JPEG blocks are visible below a quality of 60.
             for quality in [90, 75, 60] {
                 let bytes = photo::jpeg(&photo, quality);
                 if bytes.len() <= MOST_BYTES || photo.width_px.min(photo.height_px) < 2 {

@@ -217,8 +217,7 @@ pub(super) fn ranking<'py>(
             study.check()?;
         }
         let store = folder.map(|folder| Store::open(&folder)).transpose()?;
-        // The study itself and then the rungs of its ladder are flown, with a common count of
-        // flights.
+        // The study and the rungs of its ladder are flown with a common count of flights.
         let rungs = ladder.iter().zip(&flown_on_rungs).map(|(rung, flown)| {
             (Study { conditions: study.conditions.clone(), ..rung.clone() }, flown)
         });

@@ -24,8 +24,7 @@ pub(crate) struct Address {
     pub(crate) port: u16,
 }
 
-/// Returns a name that cannot be guessed, which consists of 128 random bits from the system, in
-/// hexadecimal.
+/// Returns a name that cannot be guessed, 128 random bits from the system in hexadecimal.
 pub(crate) fn secret() -> Result<String> {
     let mut bytes = [0; 16];
     getrandom::fill(&mut bytes).map_err(|error| {

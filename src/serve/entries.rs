@@ -1,5 +1,4 @@
-//! Entries that visitors have sent to be flown, as shown in the queue, on the wall and on the page
-//! of each entry.
+//! Entries that visitors have sent to be flown, for the queue, the wall and each entry's page.
 
 use std::collections::{HashMap, HashSet};
 use std::net::IpAddr;
@@ -70,11 +69,10 @@ pub(crate) struct ForVisitor {
     readability: Option<f64>,
     /// Its flight, if the log was followed.
     flown: Option<FlownPhoto>,
-    /// Number of entries that fly before this one.
+    /// Number of entries that fly before this one, and the time that they take.
     ahead: usize,
     ahead_s: f64,
-    /// Time since take-off in s, or `None` if the entry is not in the air or the server was
-    /// restarted.
+    /// Time since take-off in s, or `None` if it is unknown or the entry is not in the air.
     flown_s: Option<f64>,
 }
 
@@ -204,8 +202,7 @@ pub(crate) struct Receipt {
 }
 
 impl Entries {
-    /// Opens a gallery, and reads its entries in the order of flight, in which new entries come
-    /// last.
+    /// Opens a gallery, and reads its entries in the order of flight, new ones last.
     pub(crate) fn open(folder: &std::path::Path, is_open: bool, warn: fn(&str)) -> Result<Self> {
         let gallery = Gallery::open(folder)?;
         let Order { paused, numbers } = gallery.read_order();
@@ -227,8 +224,7 @@ impl Entries {
         if let Some(receipt) = list.receipt(photo) {
             return Ok(Some(receipt));
         }
-        // The pause is checked after the receipt, so that a photo sent before the pause is
-        // confirmed again.
+        // Photos sent before the pause have been confirmed again by the check above.
         if list.paused {
             return Err(Key::Paused);
         }
@@ -335,8 +331,7 @@ impl Entries {
         Ok(self.announce_change())
     }
 
-    /// Writes the order of flight to the gallery. Callers write it before they change the order in
-    /// memory.
+    /// Writes the order of flight to the gallery, before callers change the order in memory.
     fn write_order<'a>(
         &self,
         paused: bool,
@@ -408,8 +403,7 @@ impl Entries {
         regular_file(self.list().first(|entry| entry.id == id)?.folder.join(name))
     }
 
-    /// Returns the photos on the wall, newest first. A word that a visitor sent repeatedly appears
-    /// once.
+    /// Returns the photos on the wall, newest first. A visitor's repeated word appears once.
     pub(crate) fn wall(&self) -> Wall {
         let list = self.list();
         let entries = list.entries.iter().map(|stored| &stored.entry);
@@ -464,8 +458,7 @@ impl Entries {
     pub(crate) fn flies(&self, word: &str) -> Option<(String, usize)> {
         let list = self.list();
         let writes = |entry: &Entry| match &entry.title {
-            // A typed word contains line breaks as `\n`, whereas a scene contains them as
-            // characters.
+            // In a typed word, the characters `\n` stand for a line break.
             Some(title) => title.replace("\\n", "\n") == word,
             None => word == DRAWING,
         };
@@ -562,8 +555,7 @@ impl Entries {
         subjects.collect()
     }
 
-    /// Increases the revision, and wakes all requests that wait for a change. Returns the new
-    /// revision.
+    /// Increases the revision, wakes requests that wait for a change, and returns the revision.
     fn announce_change(&self) -> u64 {
         self.revision.send_modify(|revision| *revision += 1);
         *self.revision.borrow()
@@ -619,8 +611,7 @@ impl List {
 }
 
 impl Stored {
-    /// Returns the entry's index in a list of names, or the largest number if the list does not
-    /// contain it.
+    /// Returns the entry's index in a list of names, or the largest number if it is not listed.
     fn rank(&self, ids: &[String]) -> usize {
         ids.iter().position(|id| *id == self.entry.id).unwrap_or(usize::MAX)
     }

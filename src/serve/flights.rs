@@ -3,12 +3,10 @@
 //! 1. Four times a second, a folder and its direct subfolders are searched for logs that have
 //!    grown. Logs that existed before the server was started are ignored until they grow.
 //! 2. A log belongs to the entry of its word that is in the air, or else to the first approved
-//!    entry of that word, preferably one without a flight. The operator is notified of any other
-//!    log.
+//!    entry of the word, preferably without a flight. The operator is notified of other logs.
 //! 3. A worker exposes the light so far, at most twice a second and with at most a quarter of a
 //!    processor core.
-//! 4. When the log contains its end mark or stops growing, the photo is judged and stored with the
-//!    entry.
+//! 4. When the log ends or stops growing, the photo is judged and stored with the entry.
 //!
 //! Only one log is followed at a time. Other logs wait, and are read from their files later.
 
@@ -96,8 +94,7 @@ impl Flights {
         Ok(flights)
     }
 
-    /// Follows flights until the program ends. The thread may block on the disk and on the list of
-    /// entries.
+    /// Follows flights until the program ends. May block on the disk and on the list of entries.
     pub(crate) fn follow(mut self, server: &Server) {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
         let Ok(runtime) = runtime else { return };
@@ -114,8 +111,7 @@ impl Flights {
         }
     }
 
-    /// Updates the sizes of the logs. A log that no longer exists is forgotten, unless it is being
-    /// followed.
+    /// Updates the sizes of the logs. Forgets logs that no longer exist and are not followed.
     fn see(&mut self, sizes: BTreeMap<PathBuf, u64>) {
         let current = self.current.as_ref().map(|current| current.path.clone());
         self.logs.retain(|path, _| sizes.contains_key(path) || current.as_ref() == Some(path));

@@ -73,12 +73,10 @@ pub(crate) struct Figures {
     /// Problems that make any word unreadable.
     obstacles: Vec<Message>,
     pub(crate) read: Option<String>,
-    /// Probability that the word is read, or `None` for a drawing or an entry of an earlier
-    /// version.
+    /// Probability that the word is read, or `None` for a drawing or an older entry.
     pub(crate) readability: Option<f64>,
     reason: Option<Reason>,
-    /// Checks that stop the flight. The list is always empty, because a photo with such checks is
-    /// refused.
+    /// Checks that stop the flight. There are none, because such a photo is refused.
     stops: Vec<Message>,
 }
 
@@ -134,8 +132,8 @@ pub(crate) struct FlownPhoto {
     pub(crate) readability: Option<f64>,
 }
 
-/// An entry as the operator receives it. Its fields are borrowed, because a queue of hundreds of
-/// entries is requested often.
+/// An entry as the operator receives it. Its fields are borrowed, because long queues are requested
+/// often.
 #[derive(Debug, Serialize)]
 pub(crate) struct ForOperator<'a> {
     id: &'a str,
@@ -186,8 +184,7 @@ impl Gallery {
         Ok(entries)
     }
 
-    /// Reads the order of flight. If the file cannot be read, the order is empty and the queue not
-    /// paused.
+    /// Reads the order of flight. Without a readable file, it is empty and not paused.
     pub(crate) fn read_order(&self) -> Order {
         let text =
             regular_file(self.folder.join(ORDER)).and_then(|path| TABLE.read_text(&path).ok());

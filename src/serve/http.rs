@@ -38,8 +38,7 @@ const MAX_FIELDS: usize = 64;
 pub(crate) const MAX_BODY: usize = 256 << 10;
 /// Time limit for receiving the header of a request, and again for its body.
 const REQUEST_TIMEOUT: Duration = Duration::from_secs(5);
-/// Longest duration of a connection, enough for making the scripts of an evening or for the slowest
-/// reader.
+/// Longest duration of a connection, enough for an evening's scripts or a slow reader.
 const CONNECTION_TIMEOUT: Duration = Duration::from_secs(600);
 /// Maximum number of bytes that are read of a refused body.
 const MAX_REFUSED_BODY: usize = 1 << 20;
@@ -82,8 +81,7 @@ where
         };
         connections.retain(|connection| !connection.task.is_finished());
         if connections.len() >= MAX_CONNECTIONS {
-            // An idle connection always exists, because fewer requests than connections are worked
-            // on at a time.
+            // An idle one exists, because not as many requests are worked on at a time.
             let Some(index) = oldest_idle(&connections) else { continue };
             connections.remove(index).task.abort();
         }
@@ -111,8 +109,7 @@ where
 /// Returns the index of the oldest connection whose request is not being worked on, from the IP
 /// address with the most connections, or `None` if all requests are being worked on.
 fn oldest_idle(connections: &[Connection]) -> Option<usize> {
-    // The order is reversed, because `max_by_key` returns the last of equal items, which is then
-    // the oldest.
+    // `max_by_key` returns the last of equal items, which is the oldest in reverse order.
     let idle = connections.iter().enumerate().rev();
     let idle = idle.filter(|(_, connection)| !connection.is_working.load(Ordering::Relaxed));
     let most = idle.max_by_key(|(_, Connection { peer, .. })| {
@@ -128,8 +125,7 @@ pub(crate) async fn read_body(body: Incoming) -> HttpResult<Bytes> {
     Ok(read.map_err(|_gone| HttpError(400, "the request was cut off"))?.to_bytes())
 }
 
-/// Reads a refused body, because the answer may be lost if a connection is closed with unread
-/// bytes.
+/// Reads a refused body, because closing a connection with unread bytes may lose the answer.
 pub(crate) async fn discard_body(body: Incoming) {
     let _ = timeout(REFUSED_TIMEOUT, Limited::new(body, MAX_REFUSED_BODY).collect()).await;
 }

@@ -97,8 +97,8 @@ pub struct Addresses {
     pub kiosk: String,
     /// Address of the operator's page on this machine.
     pub operator: String,
-    /// Addresses of the visitors' and the kiosk's page in the network, or `None` if other machines
-    /// are not served.
+    /// Addresses of the visitors' and the kiosk's page in the network, if other machines are
+    /// served.
     pub network: Option<[String; 2]>,
 }
 
@@ -151,8 +151,7 @@ pub fn serve(
     run(listener, server, flights)
 }
 
-/// Answers all connections on one thread, and follows flights on another. A few more threads wait
-/// for the disk.
+/// Answers all connections on one thread, follows flights on another, and uses more for the disk.
 fn run(listener: TcpListener, server: Server, flights: Option<Flights>) -> Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()

@@ -72,9 +72,8 @@ impl Server {
         }
     }
 
-    /// Makes the scripts of one entry or, if `id` is `None`, of all entries that are to be flown,
-    /// in their order. Returns the result for each entry, and an archive of the scripts and the
-    /// results.
+    /// Makes the scripts of one entry or, if `id` is `None`, of all entries to be flown, in order.
+    /// Returns the result for each entry, and an archive of the scripts and the results.
     pub(crate) async fn export(&self, id: Option<&str>) -> KeyResult<(Vec<Exported>, Vec<u8>)> {
         let entries = self.entries.to_fly(id);
         if id.is_some() && entries.is_empty() {

@@ -233,8 +233,7 @@ impl Server {
         }
     }
 
-    /// Answers a POST to the visitors' or the kiosk's address, with which a visitor withdraws an
-    /// entry.
+    /// Answers a POST to the visitors' or the kiosk's address, which withdraws an entry.
     fn visitor_post(&self, parts: &[&str], body: &[u8]) -> KeyResult<Reply> {
         match *parts {
             ["entries", id] => {

@@ -41,8 +41,7 @@ const MAX_WAITING: usize = 64;
 /// Maximum memory of a worker in bytes, excluding its code, which is enough for a large picture.
 #[cfg(unix)]
 const MEMORY: u64 = 1 << 30;
-/// Time limit for a photo while a visitor types. The limit stops a worker that hangs, but is long
-/// enough for a busy machine.
+/// Time limit for a photo while a visitor types, long enough for a busy machine.
 const LIVE_TIMEOUT: Duration = Duration::from_secs(30);
 /// Time limit for other products. The advice for a large photo takes thirty simulated flights.
 const LARGE_TIMEOUT: Duration = Duration::from_secs(300);
@@ -64,8 +63,7 @@ pub(crate) struct Job {
     /// Members of the request that the page receives back in an answer of one file. If it is
     /// `None`, the answer consists of all files.
     pub(crate) page: Option<Asked>,
-    /// Log of a flight of the subject, of which the light so far is photographed. The product is
-    /// then ignored.
+    /// Log whose light so far is photographed, in which case the product is ignored.
     pub(crate) flight: Option<Followed>,
 }
 
@@ -74,7 +72,7 @@ pub(crate) struct Job {
 pub(crate) struct Followed {
     /// Absolute path of the log.
     pub(crate) path: PathBuf,
-    /// Number of the flight, because a later log may have the same path.
+    /// Number of the flight, because several logs may have the same path.
     pub(crate) number: u64,
     /// True if the flight counts as over even without an end mark.
     pub(crate) is_over: bool,
@@ -126,15 +124,13 @@ impl Maker {
     }
 
     /// Runs a job. If the future is dropped while the job waits, the job is never started. If it is
-    /// dropped later, the job is stopped, unless it is the photo of a keystroke, which is finished
-    /// quickly.
+    /// dropped later, the job is stopped, except for the photo of a keystroke.
     pub(crate) async fn make(&self, job: Job) -> std::result::Result<Parcel, Message> {
         let _permit = self.permits.try_acquire().map_err(|_full| Key::Busy)?;
         let mut slot = self.worker.clone().lock_owned().await;
         let (program, scratch, is_frugal) = (self.program, self.scratch.clone(), self.is_frugal);
         let is_live = job.product == Product::Live;
-        // The worker returns to its slot only after an answer, and is therefore killed if a job
-        // fails.
+        // The worker returns to its slot only after an answer, so a failing job kills it.
         let made = tokio::spawn(async move {
             let mut worker = match slot.take() {
                 Some(worker) => worker,
@@ -150,8 +146,7 @@ impl Maker {
             *slot = Some(worker);
             answer
         });
-        // When its handle is dropped, a task continues, which is intended for the photo of a
-        // keystroke.
+        // The task of a keystroke's photo continues even when its handle is dropped.
         let made = match is_live {
             true => made.await,
             false => (&mut AbortOnDrop(made).0).await,
@@ -297,8 +292,7 @@ fn write_answer(made: std::result::Result<Parcel, Message>) -> std::io::Result<(
     out.flush()
 }
 
-/// Maximum number of words whose typefaces are cached, enough for the words of an evening with
-/// every stage of their typing.
+/// Maximum number of words whose typefaces are cached, enough for an evening's typing.
 const MAX_FACES: usize = 4096;
 
 /// Folder of a job, which is the current folder until this value is dropped.
@@ -379,8 +373,7 @@ impl JobMaker<'_> {
         made
     }
 
-    /// Returns the page's scene, with settings that override its keys, and with its files in the
-    /// current folder.
+    /// Returns the page's scene with overriding settings, and its files in the current folder.
     fn base(&self, settings: &[(&str, &str)]) -> Result<Scene> {
         let mut scene = match self.scene {
             Some(named) => Scene::find(named, settings)?.scene,
@@ -392,8 +385,7 @@ impl JobMaker<'_> {
         Ok(scene)
     }
 
-    /// Returns a typeface on this machine that contains all letters of a word, or `None` if there
-    /// is none.
+    /// Returns a typeface on this machine that contains all letters of a word, if any.
     fn face(&self, word: &str) -> Option<PathBuf> {
         let letters: BTreeSet<char> = word.chars().filter(|c| !c.is_whitespace()).collect();
         let mut faces = self.faces.borrow_mut();
@@ -407,8 +399,7 @@ impl JobMaker<'_> {
     }
 }
 
-/// Links or copies a file into the current folder, unless it is already there. Returns its name
-/// there.
+/// Links or copies a file into the current folder, unless it is there, and returns its name.
 fn bring_here(path: &Path) -> Result<String> {
     let here = std::env::current_dir().map_err(|source| Error::read(path, source))?;
     let mut name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -426,8 +417,7 @@ fn bring_here(path: &Path) -> Result<String> {
     Ok(name)
 }
 
-/// Limits the memory of this process, if the system supports it. Otherwise, only the timeout stops
-/// the process.
+/// Limits the memory of this process, if the system supports it.
 fn limit_memory() {
     #[cfg(unix)]
     {

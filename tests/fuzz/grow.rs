@@ -128,8 +128,7 @@ fn element(bytes: &[u8], random: &mut Random) -> Option<Span> {
     Some((begin, end + last + closing.len()))
 }
 
-/// Inserts copies of a piece after it. In half of the cases, one of the names in each copy is
-/// numbered.
+/// Inserts copies of a piece after it, half of the time with a number in one of its names.
 fn repeat(bytes: &mut Vec<u8>, span: Span, sign: &[u8], room: usize, random: &mut Random) {
     let piece = bytes[span.0..span.1].to_vec();
     if piece.is_empty() {
@@ -164,8 +163,7 @@ fn nest(bytes: &mut Vec<u8>, room: usize, random: &mut Random) {
         element(&outer[1..], random).unwrap_or_else(|| token(&outer[1..outer.len() - 1], random));
     let (head, tail) = (outer[..=from].to_vec(), outer[to + 1..].to_vec());
     let times = room / (head.len() + tail.len()).max(1);
-    // Half of the cases nest only a few times, because readers limit the depth, and half nest to
-    // the full size.
+    // Half of the cases nest to the full size, and half less, because readers limit the depth.
     let times = if random.below(2) == 0 { times.min(1 + random.below(200)) } else { times };
     bytes.splice(begin + to + 1..begin + to + 1, tail.repeat(times));
     bytes.splice(begin..begin, head.repeat(times));

@@ -1,5 +1,4 @@
-//! Mutations of files, which change bytes, numbers in text and lines, and insert pieces of other
-//! seeds.
+//! Mutations of files by bytes, numbers in text, lines, and pieces of other seeds.
 
 use crate::readers::Seed;
 
@@ -170,8 +169,7 @@ fn number(bytes: &mut Vec<u8>, at: usize, random: &mut Random) {
     bytes.splice(begin..end, number.bytes());
 }
 
-/// Corrects the checksum of every chunk of a PNG file, because readers reject chunks with a wrong
-/// checksum.
+/// Corrects the checksums of a PNG file's chunks, because readers reject wrong ones.
 pub(crate) fn mend_checksums(bytes: &mut [u8]) {
     let mut at = 8;
     while let Some(length) = bytes.get(at..at + 4).and_then(|n| n.first_chunk()).copied() {

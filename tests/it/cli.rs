@@ -51,8 +51,7 @@ fn preview_writes_five_files_and_says_what_it_read() {
     ));
     let names = names_in(&folder.path().join("noctograph-out"));
     assert_eq!(names, ["flight.csv", "photo.png", "plan.csv", "scene.toml", "verdict.json"]);
-    // A word with letters that the reader does not know has no verdict, so no verdict.json is
-    // written.
+    // There is no verdict.json for a word with letters that the reader does not know.
     noctograph(folder.path()).args(["preview", "Ж"]).args(SMALL).assert().success();
     let names = names_in(&folder.path().join("noctograph-out"));
     assert_eq!(names, ["flight.csv", "photo.png", "plan.csv", "scene.toml"]);

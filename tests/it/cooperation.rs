@@ -105,8 +105,7 @@ fn one_to_six_drones_with_three_anchors_stand_on_their_bound() {
         let plans: Vec<_> = shoot.plans.iter().map(|planned| &planned.plan).collect();
         assert_eq!(plans.len(), n, "all fly");
         let bound_m = writing_sigma_m(&bounds(&plans, &options).unwrap(), None).unwrap();
-        // The result must be within 12 % of the value in docs/cooperative.md, which was measured
-        // over 16 seeds.
+        // The result must be within 12 % of that for 16 seeds in docs/cooperative.md.
         let (error_m, nees) = flown(FIVE_LINKS, &settings, 0..4);
         assert!(error_m < 1.3 * bound_m, "{n} drones: {error_m} m, bound {bound_m} m");
         assert!((0.75..1.3).contains(&nees), "{n} drones: NEES {nees}");
@@ -126,8 +125,7 @@ fn sharing_estimates_is_worse_than_sharing_measurements_and_believes_too_much() 
     assert_eq!(deaf.0, nothing_m, "without a message nothing can be known of the others");
 }
 
-/// Returns flights of the common word in which the drones have the noise and the anchors of the
-/// given indices.
+/// Returns flights of the word by drones with the noise and anchors of the given indices.
 fn as_named(indices: [u64; 2]) -> Vec<Flight> {
     let scene = Scene::find(FLOOR, &[]).unwrap().scene;
     let options = scene.sim();
@@ -197,8 +195,7 @@ fn fleets_that_cannot_be_are_refused_with_the_reason() {
 const ANCHORS: [[f64; 3]; 5] =
     [[-2.5, -2.5, 2.4], [2.5, -2.5, 0.2], [0.5, 2.5, 2.4], [-2.5, 2.5, 0.2], [2.5, 2.0, 2.4]];
 
-/// Returns a noise-free log of ranges to each anchor in turn, the file of the anchors, and the true
-/// flight.
+/// Returns a noise-free log of ranges to each anchor in turn, the anchors, and the true flight.
 pub(crate) fn recorded() -> [(&'static str, String); 3] {
     let (mut log, mut held) = ("row,timestamp".to_owned(), [0.0; 5]);
     (0..5).for_each(|anchor| write!(log, ",ranging.distance{anchor}").unwrap());

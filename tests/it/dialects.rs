@@ -82,8 +82,7 @@ fn stamp_ms(sample: &FlightSample) -> f64 {
     (sample.time_s * 1e3).round() + 40_000.0
 }
 
-/// Returns the members of a JSON log, each of which contains a variable's samples that were not
-/// lost.
+/// Returns the members of a JSON log, each with a variable's samples that were not lost.
 pub(crate) fn json(
     flight: &Flight,
     blocks: &[&[Variable]],
@@ -318,8 +317,7 @@ fn letters_come_back_from_every_dialect() {
     }
 }
 
-/// Each log is truncated at many positions. The remaining part is read with a warning, or refused
-/// with its place.
+/// A log truncated at any position is read with a warning, or refused with the place.
 #[test]
 fn logs_cut_off_anywhere_are_read_that_far_or_refused() {
     let mut flight = flown("K");

@@ -382,8 +382,7 @@ fn every_format_takes_the_smallest_word() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     for format in ["cflib", "compressed", "poly4d", "crazyswarm2", "skyc", "vviz"] {
-        // `--unchecked` is needed, because `check` stops the flight of a dot, which is too small
-        // for the camera.
+        // `--unchecked` is needed, because `check` stops a dot, which is too small for the camera.
         let arguments = ["export", ".", "--unchecked", "--to", format, "-o", format];
         let (code, report, said) = run(at, &arguments);
         assert_eq!(code, 0, "{format}: {report} {said}");

@@ -1,5 +1,4 @@
-//! Tests of files from other programs, which cover light logs, the clocks of two logs, and guesses
-//! in `--json`.
+//! Tests of light logs and other foreign files, the clocks of two logs, and guesses in `--json`.
 
 use std::fmt::Write;
 

@@ -7,8 +7,7 @@ use serde_json::Value;
 
 use crate::cli::{json, noctograph};
 
-/// Headings of verbs with their commands, in such an order that each command finds the files that
-/// it reads.
+/// Headings of verbs with their commands, each of which finds files of earlier commands.
 const COMMANDS: [(&str, &str); 16] = [
     ("plan", "plan I --style even"),
     ("plan", "plan --drawing line.svg -o line.csv"),
@@ -84,8 +83,7 @@ fn every_key_of_json_is_documented_and_every_documented_one_is_printed() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// Returns the checks in `docs/reference/json.md`, which are listed in the first column of the
-/// table of limits.
+/// Returns the checks in the first column of the table of limits in `docs/reference/json.md`.
 fn documented_checks() -> BTreeSet<String> {
     let page = include_str!("../../docs/reference/json.md");
     let (_, table) = page.split_once("| check | value | limit |\n|---|---|---|\n").unwrap();

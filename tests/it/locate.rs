@@ -39,8 +39,7 @@ fn distance_m(a: [f64; 3], b: [f64; 3]) -> f64 {
     (0..3).map(|k| libm::pow(a[k] - b[k], 2.0)).sum::<f64>().sqrt()
 }
 
-/// A drone's log of ranges to each of its anchors in turn and, after each round, to the other
-/// drone.
+/// A drone's log of ranges to each anchor in turn and, after each round, to the other drone.
 struct Log<'a> {
     drone: usize,
     anchors: &'a [usize],
@@ -148,8 +147,8 @@ fn rmse_m(json: &Value) -> Vec<f64> {
     rows.map(|row| row["rmse_3d_m"].as_f64().unwrap()).collect()
 }
 
-/// Returns the logs of two drones with ranges to anchors and to each other. The second log begins
-/// `late_s` later.
+/// Returns two drones' logs of ranges to anchors and to each other. The second begins `late_s`
+/// later.
 fn two(late_s: f64, stamp: impl Fn(f64) -> String + Copy) -> [String; 2] {
     let one = Log { peer: true, anchors: &[0, 1, 2, 4, 6], ..Log::default() };
     let two = Log { drone: 1, from_s: late_s, seed: 4, ..one };

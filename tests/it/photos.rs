@@ -113,8 +113,7 @@ fn an_svg_is_written_in_its_colors_and_its_photo_is_a_scene() {
     let drawing = ["--drawing", "two.svg", "--size", "160x90", "-o", "one"];
     let first = again(&[&lamp[..], &drawing].concat());
     let photo = photo::read(&folder.path().join("one/photo.png")).unwrap();
-    // `halves` contains the difference of red and blue in the left and in the right half of the
-    // picture.
+    // `halves` is the difference of red and blue in each half of the picture.
     let mut halves = [0; 2];
     for (i, pixel) in photo.rgb8.chunks(3).enumerate() {
         halves[usize::from(i % 160 >= 80)] += i32::from(pixel[0]) - i32::from(pixel[2]);
@@ -153,8 +152,7 @@ fn a_drawing_that_fills_its_canvas_is_safe_and_its_colors_are_metered() {
     };
     let colored = metered("");
     assert!(colored["f_number"].is_number(), "{colored}");
-    // White light from four dies is three stops brighter than orange, and may be two stops over
-    // saturation.
+    // White from four dies is three stops brighter than orange.
     let both = metered("<path d='M10 10 h4' stroke='#fff'/>");
     let stops = |found: &serde_json::Value| 2.0 * found["f_number"].as_f64().unwrap().log2();
     let less = stops(&both) - stops(&colored);

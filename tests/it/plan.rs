@@ -137,8 +137,7 @@ fn letters_and_lights_are_recovered_from_setpoints() {
         infer_lights(&mut bare, &strokes).unwrap();
         let pairs = flown.lights["headlights"].iter().zip(&bare.lights["headlights"]);
         let wrong = pairs.filter(|(a, b)| a != b).count();
-        // At a corner at which the light is switched off, the setpoint is on both moves for an
-        // instant.
+        // At a corner where the light switches off, the setpoint is briefly on both moves.
         let share = wrong as f64 / flown.samples.len() as f64;
         assert!(share < 0.01, "{word}: {wrong} of {} samples", flown.samples.len());
     }

@@ -63,8 +63,7 @@ fn assert_agrees(found: Vector3<f64>, want: [f64; 3]) {
     }
 }
 
-/// Flies the plan on one grid, and returns the errors relative to the continuous path of the
-/// design.
+/// Flies the plan on one grid, and returns the errors relative to the design's continuous path.
 fn errors_on_one_grid(options: &SimOptions) -> (Vector3<f64>, Vector3<f64>) {
     let mut flight = fly(&noor_on_one_grid(), &Drone::new(options, 0), &mut |_| {}).unwrap();
     let noor = noor();
@@ -141,8 +140,7 @@ fn error_as_logged_m(options: &SimOptions, plan_options: &PlanOptions) -> Vector
     (mean_sq.sum::<Vector3<f64>>() / 8.0).map(f64::sqrt)
 }
 
-/// RMS error of the real flight in the air, in m, as the difference between the team's observer and
-/// its setpoints.
+/// RMS difference between the team's observer and its setpoints in the air, in m.
 const REAL_ERROR_M: [f64; 3] = [0.097, 0.046, 0.059];
 
 #[test]

@@ -171,8 +171,7 @@ const WORDS: &str = "NOOR HELLO LIGHT WORLD DRONE PAINT NIGHT HOUSE MOUSE QUIZ J
 const FONTS: [&str; 3] =
     ["ae483-fixed", "simplex", concat!(env!("CARGO_MANIFEST_DIR"), "/fonts/Roboto-Thin.ttf")];
 
-/// Previews words in the style `even`. Returns each word with its probability and its blind
-/// reading.
+/// Previews words in the style `even`. Returns each with its probability and blind reading.
 fn preview(words: &[&str], font: &str) -> Vec<(String, f64, String)> {
     let one = |word: &&str| {
         let change = |scene: &mut Scene| {

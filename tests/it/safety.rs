@@ -132,8 +132,7 @@ fn export_refuses_what_check_stops_and_a_script_that_is_forced_says_so() {
     assert_eq!(code, 0, "{report}");
     let second = script(&at.join("out.py")).0.lines().nth(1).unwrap().to_owned();
     assert!(second.starts_with("# EXPORTED UNCHECKED, NOT SAFE TO FLY: volume ("), "{second}");
-    // Exports that fly are checked. Gains and log configurations are not, because they do not fly a
-    // plan.
+    // Exports of flights are checked, but gains and log configurations are not.
     noctograph(at).args(["export", "HI", "--to", "cflib", "-o", "hi.py"]).assert().success();
     assert!(!script(&at.join("hi.py")).0.contains("UNCHECKED"));
     let gains = [&["export"], &large[..], &["--to", "gains", "-o", "gains.json"]].concat();
@@ -252,8 +251,7 @@ fn check_and_export_count_the_same_entries_of_the_timing_memory() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     let ring = ["--set", "plan.lights=[\"ring\"]", "--set", "light.ring=solid"];
-    // A stroke whose light lasts longer than the maximum duration of a memory entry takes two
-    // entries.
+    // A stroke that is lit for longer than an entry's maximum duration takes two entries.
     for (word, more, fits) in [
         ("I", &["--set", "plan.stroke_speed_m_s=0.02"][..], true),
         ("L", &["--set", "plan.stroke_speed_m_s=0.01"], true),

@@ -112,8 +112,7 @@ fn a_plan_of_which_nothing_says_its_room_is_not_exported() {
     }
     export(&ROOM).success();
     assert_eq!(script(&at.join("HI2.py")).1["limits"]["fence_m"][1], json!([1.9, 2.6, 2.4]));
-    // The export is forced with `--unchecked`, and then repeated outdoors, where there are no
-    // walls.
+    // The export is forced, and then repeated outdoors, without walls.
     export(&["--unchecked"]).success();
     export(&["--profile", "outdoor"]).success();
 }

@@ -396,8 +396,7 @@ fn a_visitor_gets_a_photo_and_its_files() {
     let png = file(&large, "photo.png");
     let folder = tempfile::tempdir().unwrap();
     let typed = ["preview", "OSLO", "--size", "1920x1080", "--backend", "cpu", "-o", "."];
-    // Words for an audience are written in reading order, with hot pixels removed and a uniform
-    // floor.
+    // Words for an audience are in reading order, without hot pixels, on a uniform floor.
     let keys = [
         "--set=plan.style.order=reading",
         "--set=photo.noise.hot_pixel_frac=0",
@@ -682,8 +681,7 @@ fn a_flight_hangs_with_its_entry_and_nothing_else_does() {
     let path = |name: &str| folder.path().join(name);
     let [gallery, flights] = ["gallery", "flights"].map(|name| path(name).display().to_string());
     let flags = ["--network", "--open-wall", "--gallery", &*gallery, "--flights", &*flights];
-    // The server creates the folder. Logs that exist before the server starts belong to another
-    // evening.
+    // The server creates the folder. Older logs belong to another evening.
     std::fs::create_dir(path("flights")).unwrap();
     std::fs::write(path("flights/NO_flight.jsonl"), &log).unwrap();
     let mut server = Server::start(&flags);
@@ -1100,8 +1098,7 @@ fn a_kiosk_is_an_address() {
     noctograph(here.path()).args(["serve", "--brand", "nowhere"]).assert().code(2);
 }
 
-/// The number of entries is limited by the sender's address, and not by the visitor's name in the
-/// request.
+/// The number of entries is limited per sender's address, not per visitor's name.
 #[test]
 fn entries_are_limited_by_address_and_time() {
     let server = Server::start(&[]);
@@ -1219,8 +1216,7 @@ fn what_was_not_finished_is_no_entry() {
     assert_eq!(server.send("you", "I").1["number"], 8);
 }
 
-/// Only one server may use a gallery. Links in a gallery are not followed, and a foreign file
-/// causes no harm.
+/// Only one server may use a gallery, in which links and foreign files are ignored.
 #[cfg(unix)]
 #[test]
 fn a_gallery_is_not_what_somebody_puts_there() {

@@ -22,7 +22,7 @@ use serde_json::Value;
 
 use crate::cli::{json, noctograph, run_json};
 
-/// Returns the path of one of the team's files. `NOCTOGRAPH_SHARED` names the folder that contains
+/// Returns the path of a file of the team. `NOCTOGRAPH_SHARED` names the folder that contains
 /// `data/`.
 pub(crate) fn team_file(name: &str) -> PathBuf {
     let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared");
@@ -143,8 +143,7 @@ fn the_gaps_of_the_teams_log_are_not_the_faults_of_its_lamps() {
         let verdict = json(&score.unwrap().stdout);
         let causes = verdict["causes"].as_array().unwrap();
         let lost: Vec<&Value> = causes.iter().filter(|cause| cause["letter"] == 1).collect();
-        // The gap at the corner need not be dark, because the light that the body reflects forms a
-        // wide stroke.
+        // The wide stroke of light that the body reflects may cover the gap at the corner.
         assert!(lost.iter().any(|cause| cause["kind"] == "log_gap"), "{causes:#?}");
         let blamed =
             |cause: &&&Value| cause["kind"] == "missing_run" && cause["gain"].as_f64() > Some(0.0);
@@ -177,8 +176,7 @@ fn the_teams_flight_is_flown_again_as_it_was() {
     for (found_m, most_m) in plain_m.iter().zip([0.025, 0.033, 0.0135]) {
         assert!(*found_m <= most_m, "{plain_m}");
     }
-    // The basic model lacks one large effect, which is added here. The drone pitches up against its
-    // motion.
+    // The basic model lacks one large effect, the pitching up against the motion.
     options.vehicle.airspeed_moment_n_s = 4.7e-4;
     let better_m = apart_m(&flown_again(&options, 0));
     assert!(better_m.x < 0.8 * plain_m.x, "{better_m} against {plain_m}");
@@ -212,11 +210,9 @@ struct Held {
 }
 
 impl Held {
-    /// Compares a flight with a band, at those of the band's times that are within 20 ms of a
-    /// sample.
+    /// Compares a flight with a band at the band's times within 20 ms of a sample.
     fn new(band: &Band, samples: &[FlightSample]) -> Self {
-        // Distances from the median are divided by the distance of the band's edge on the same
-        // side.
+        // Distances from the median are divided by that of the band's edge on the same side.
         let mut ratios: [Vec<f64>; 3] = Default::default();
         for (time_s, [low, middle, high]) in band.time_s.iter().zip(&band.ends_m) {
             let away_s = |sample: &FlightSample| (sample.time_s - time_s).abs();
