@@ -21,13 +21,13 @@ use serde_json::{Value, json};
 pub(super) struct CompareArgs {
     /// Flight or log A, such as a simulated flight
     a: PathBuf,
-    /// Flight or log B, which is compared with A, such as a real flight
+    /// Flight or log B to compare with A, such as a real flight
     b: PathBuf,
     /// Part of both flights to compare
     #[arg(long, value_name = "PART", default_value = "airborne", value_parser = named::<Part>())]
     part: Part,
-    /// Curve by which B's clock is aligned: the setpoints (design), or the flown path for a log of
-    /// a plan whose setpoints are sent ahead (plan.reference = "inverse")
+    /// Curve by which B's clock is aligned, which is the setpoints (design), or the flown path if
+    /// the log's plan sends setpoints ahead (plan.reference = "inverse")
     #[arg(long, value_name = "BY", default_value = "design", value_parser = ["design", "flown"])]
     align: String,
     /// Seconds to add to B's clock, in place of --align

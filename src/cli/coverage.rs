@@ -28,7 +28,7 @@ pub(super) struct CoverageArgs {
     /// Word at the center of the map [default: the scene's]
     #[arg(conflicts_with = "drawing")]
     word: Option<String>,
-    /// The word, even if a file has this name
+    /// Word at the center of the map, even if a file has this name
     #[arg(long = "word", value_name = "WORD", conflicts_with_all = ["word", "drawing"])]
     as_word: Option<String>,
     #[command(flatten)]
@@ -38,10 +38,10 @@ pub(super) struct CoverageArgs {
     /// Left, bottom, right and top of the map, in meters [default: half a meter around the word]
     #[arg(long, value_name = "L,B,R,T", value_parser = rectangle, allow_hyphen_values = true)]
     bounds: Option<[f64; 4]>,
-    /// Depth (y) of the plane of the map, in meters. The word is written at 0
+    /// Depth (y) of the map's plane, in meters. The word is written at 0
     #[arg(long, value_name = "Y", default_value = "0", allow_hyphen_values = true)]
     depth: f64,
-    /// Distance between two points of the map, in meters
+    /// Distance between neighboring points of the map, in meters
     #[arg(long, value_name = "M", default_value = "0.05")]
     step: f64,
     /// Map to write (SVG)

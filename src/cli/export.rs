@@ -26,16 +26,15 @@ use serde_json::json;
 pub(super) struct ExportArgs {
     #[command(flatten)]
     subject: SubjectFlags,
-    /// Form of the files
+    /// Format of the files
     #[arg(long, value_name = "FORMAT", value_parser = named::<Format>())]
     to: Format,
-    /// Largest distance of a trajectory from the design, in millimeters [default: 2, or 5 for
+    /// Maximum distance between trajectory and design, in millimeters [default: 2, or 5 for
     /// polynomials]
     #[arg(long, value_name = "MM")]
     tolerance: Option<f64>,
-    /// Setpoints that the script for cflib sends, unless the script itself is started with --mode
-    /// [default: those that `check` flies, full states for controllers that follow the design's
-    /// motion]
+    /// Setpoints that the cflib script sends, unless it is itself started with --mode [default:
+    /// those that `check` simulates, full states for controllers that follow the design's motion]
     #[arg(long, value_name = "NAME", value_parser = named::<Mode>())]
     mode: Option<Mode>,
     #[command(flatten)]

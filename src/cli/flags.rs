@@ -227,7 +227,7 @@ pub(super) struct SubjectFlags {
     /// word]
     #[arg(value_name = "WORD|PLAN", conflicts_with = "drawing")]
     inputs: Vec<String>,
-    /// Word that the plans write, or the word itself if it is also the name of a file or folder
+    /// Word that the plans write, or a word to write that is also the name of a file or folder
     /// [default: the scene's]
     #[arg(long, value_name = "WORD", conflicts_with = "drawing")]
     word: Option<String>,

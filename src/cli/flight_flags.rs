@@ -28,21 +28,21 @@ pub(super) const FLIGHTS: Limit = Limit {
 /// Flags for reading this program's flights or logs of real flights.
 #[derive(Clone, Debug, Args)]
 pub(super) struct FlightFlags {
-    /// Source of the position (and attitude) in a log that counts as the true one
+    /// Source of a log's position (and attitude) that is treated as the true one
     #[arg(long, value_name = "SOURCE", default_value = "best", value_parser = named::<PositionSource>())]
     pub(super) position: PositionSource,
-    /// Longest gap of a log that is bridged by interpolation, in seconds
+    /// Longest gap in a log that is bridged by interpolation, in seconds
     #[arg(long, value_name = "S", default_value_t = ImportOptions::default().max_gap_s)]
     pub(super) max_gap: f64,
     /// Sample rate of the flight made from a log, in Hz
     #[arg(long, value_name = "HZ", default_value_t = ImportOptions::default().sample_rate_hz)]
     pub(super) rate: f64,
-    /// Rate of the drone's clock, in its seconds per true second, as a number or a fraction
-    /// [default: 1, or for µSD logs the rate that their timestamps show, or else the firmware's,
-    /// 84/85 up to release 2026.08]
+    /// Rate of the drone's clock, in clock seconds per true second, as a number or a fraction
+    /// [default: 1, or for µSD logs the rate inferred from their timestamps, or else that of the
+    /// firmware, 84/85 up to release 2026.08]
     #[arg(long, value_name = "RATIO", value_parser = ratio)]
     pub(super) clock_ratio: Option<f64>,
-    /// Recover the undamaged part of a corrupt µSD log, instead of refusing it
+    /// Recover the undamaged part of a corrupt µSD log instead of refusing the log
     #[arg(long)]
     pub(super) recover: bool,
     /// Seconds between two rows of a table without times
@@ -57,8 +57,8 @@ pub(super) struct FlightFlags {
     /// World axes of a table
     #[arg(long, value_name = "AXES", default_value = "auto", value_parser = named::<Axes>())]
     pub(super) axes: Axes,
-    /// Speed above which a log is refused, in m/s, because its unit may be wrong or it may contain
-    /// several drones
+    /// Speed, in m/s, above which a log is refused, because its unit may be wrong, or it may
+    /// contain several drones
     #[arg(long, value_name = "M_S", default_value_t = ImportOptions::default().max_speed_m_s)]
     pub(super) max_speed: f64,
 }

@@ -20,7 +20,7 @@ pub(super) struct GainsArgs {
     /// if it has none]
     #[arg(long, value_name = "S")]
     motor_lag: Option<f64>,
-    /// Print Bryson's weights for the range of the motors as well
+    /// Also print Bryson's weights for the range of the motors
     #[arg(long)]
     bryson: bool,
 }

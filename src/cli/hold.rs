@@ -28,7 +28,7 @@ pub(super) struct HoldArgs {
     /// Number of flights of each scenario and model, with consecutive seeds
     #[arg(long, value_name = "N", default_value_t = 80)]
     runs: u32,
-    /// Preset of the drone, the sensors and the altitude filter
+    /// Preset with the drone, the sensors and the altitude filter
     #[arg(long, value_name = "NAME", default_value = "bzzz", conflicts_with = "scene",
           value_parser = names::<Preset>())]
     preset: String,

@@ -37,7 +37,7 @@ pub(super) struct LetterFlags {
     /// upper left. The picture is cropped to the sheet and rectified [default: the whole picture]
     #[arg(long, value_name = "CORNERS", requires = "drawing")]
     corners: Option<Corners>,
-    /// Colors of the letters in turn, as #rrggbb or CSS names, in which the color LED deck writes
+    /// Colors in which the color LED deck writes the letters in turn, as #rrggbb or CSS names
     /// (colors of the ring are set in the scene)
     #[arg(long, value_name = "COLOR,...", value_delimiter = ',', value_parser = color)]
     color: Vec<[u8; 4]>,
@@ -46,7 +46,7 @@ pub(super) struct LetterFlags {
     /// ceiling, within the 4 m that two Lighthouse stations serve, and completely visible to a
     /// camera in the room. Stations hang in the corners of the room unless a scene places them.
     /// Safety checks keep every plan 0.2 m from the walls. A unit may follow, as in 13x20x8ft. A
-    /// ceiling of 7.5 or more without a unit is asked about
+    /// ceiling of 7.5 or more without a unit is refused, with a question about the unit
     #[arg(long, value_name = "WxDxH", value_parser = parse_room)]
     pub(super) room: Option<[f64; 3]>,
 }

@@ -48,7 +48,7 @@ const VIEWS: [&str; 2] = ["flight-xy.svg", "flight-xz.svg"];
 enum Observer {
     /// Filter forward and smoother backward over the whole flight
     Smooth,
-    /// Extended Kalman filter as in flight, without later ranges
+    /// Extended Kalman filter that, as in flight, uses no later ranges
     Filter,
     /// Augmented linear filter from any start, followed by an extended Kalman filter (the logs must
     /// contain velocities)
@@ -79,8 +79,8 @@ pub(super) struct LocateArgs {
     /// that lag in curves
     #[arg(long, value_name = "A", default_value_t = 1.0)]
     acceleration: f64,
-    /// Box that contains all drones, in meters. If two mirror images fit the ranges, the image
-    /// inside the box is taken
+    /// Box that contains all drones, in meters. If two mirror images fit the ranges, the one inside
+    /// the box is selected
     #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = room, allow_hyphen_values = true)]
     within: Option<Room>,
     /// Map the region of convergence of the shared-anchor observer for the scene's word, without a

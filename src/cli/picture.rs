@@ -15,7 +15,7 @@ use clap::Args;
 /// Flags that select the camera.
 #[derive(Debug, Args)]
 pub(super) struct CameraFlags {
-    /// Camera: the camera of another scene, or auto (straight in front of the word, which it
+    /// Camera, which is that of another scene, or auto (directly in front of the word, which it
     /// frames)
     #[arg(long, value_name = "SCENE|auto")]
     camera: Option<String>,
@@ -87,11 +87,11 @@ pub(super) struct PictureFlags {
     #[command(flatten)]
     stand: StandFlag,
     /// Size of the picture in pixels, such as 1920x1080, or of a print, such as A2@150 or
-    /// 600x400mm@150, as its paper in landscape format and its dots per inch. A print has the noise
-    /// of the camera's sensor, resampled to its dots
+    /// 600x400mm@150, as its paper in landscape format and its dots per inch. A print contains the
+    /// noise of the camera's sensor, resampled to the print's dots
     #[arg(long, value_name = "WxH|PAPER@DPI", value_parser = size)]
     size: Option<Size>,
-    /// Device that computes the exposure, with the same bits on every device
+    /// Device that computes the exposure. The result is the same on every device
     #[arg(long, value_name = "NAME", default_value = "auto", value_parser = named::<BackendChoice>())]
     pub(super) backend: BackendChoice,
 }

@@ -24,12 +24,12 @@ pub(super) struct PlanArgs {
     /// Word to write [default: the scene's]
     #[arg(conflicts_with = "drawing")]
     word: Option<String>,
-    /// The word, even if a file has this name
+    /// Word to write, even if a file has this name
     #[arg(long = "word", value_name = "WORD", conflicts_with_all = ["word", "drawing"])]
     as_word: Option<String>,
     #[command(flatten)]
     design: DesignFlags,
-    /// Flight or log of the same drone whose mean error is subtracted from every setpoint
+    /// Flight or log of the same drone, whose mean error is subtracted from every setpoint
     #[arg(long, value_name = "FILE")]
     after: Option<PathBuf>,
     #[command(flatten)]

@@ -34,8 +34,8 @@ pub(super) struct RankArgs {
     /// these are submissions, as files or folders
     #[arg(required = true, value_name = "SCENE")]
     scenes: Vec<String>,
-    /// Task for grading. Each submission, which is a scene or a few of its keys, flies this scene
-    /// with the keys that --may allows. A submission that changes other keys is refused
+    /// Task for grading. This scene is flown with those keys of each submission, a scene or a few
+    /// keys, that --may allows. A submission that changes other keys is refused
     #[arg(long, value_name = "SCENE")]
     task: Option<String>,
     /// Key, or all keys of a table, that a submission may change (may be repeated). Keys that name
@@ -45,16 +45,16 @@ pub(super) struct RankArgs {
     may: Vec<String>,
     #[command(flatten)]
     study: StudyFlags,
-    /// Fly only one part of the flights, such as 3/20 for part 3 of 20, into the folder of --parts,
-    /// unless this part exists, and do not rank
+    /// Fly only a part of the flights, such as 3/20 for part 3 of 20, into the folder of --parts,
+    /// unless the part exists, and do not rank
     #[arg(long, value_name = "I/N", requires = "parts")]
     shard: Option<String>,
     /// Folder of the shards, whose flights are not flown again
     #[arg(long, value_name = "DIR")]
     parts: Option<PathBuf>,
     /// Also find the smallest legible letters, with N more seeds of each word at each of seven cap
-    /// heights, 4 to 32 % of the scene's, with a narrow lamp. The heights distinguish controllers
-    /// with a P(read) above 0.96, which P(read) does not distinguish
+    /// heights, 4 to 32 % of the scene's, with a narrow lamp. The smallest height distinguishes
+    /// controllers even above a P(read) of 0.96
     #[arg(long, value_name = "N", conflicts_with = "shard")]
     acuity: Option<u32>,
     /// Folder for flights.jsonl, flights.csv, ranking.csv, ranking.json and photos.png (with --task

@@ -14,7 +14,7 @@ use serde_json::json;
 pub(super) struct SceneArgs {
     /// Word of the scene
     word: Option<String>,
-    /// The word, even if a file has this name
+    /// Word of the scene, even if a file has this name
     #[arg(long = "word", value_name = "WORD", conflicts_with_all = ["word"])]
     as_word: Option<String>,
     /// Preset to start from, like --scene

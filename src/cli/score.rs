@@ -30,18 +30,18 @@ pub(super) struct ScoreArgs {
     photo: PathBuf,
     /// Expected word [default: the scene's]
     word: Option<String>,
-    /// The word, even if a file has this name
+    /// Expected word, even if a file has this name
     #[arg(long = "word", value_name = "WORD", conflicts_with_all = ["word"])]
     as_word: Option<String>,
     #[command(flatten)]
     scene: SceneFlags,
     #[command(flatten)]
     camera: CameraFlags,
-    /// Corners of the word in the photo, clockwise from the upper left, in pixels, instead of a
+    /// Corners of the word in the photo, in pixels, clockwise from the upper left, in place of a
     /// camera
     #[arg(long, value_name = "X,Y X,Y X,Y X,Y", allow_hyphen_values = true, conflicts_with_all = ["camera", "camera_from"])]
     corners: Option<Corners>,
-    /// Plan that was flown, which is refused unless it writes the word
+    /// Plan that was flown, which must write the word
     #[arg(long, value_name = "FILE")]
     plan: Option<PathBuf>,
     /// Flights or logs that the photo shows, which provide speed, lag and contour error
@@ -49,8 +49,8 @@ pub(super) struct ScoreArgs {
     flight: Vec<PathBuf>,
     #[command(flatten)]
     flights: FlightFlags,
-    /// Open the font or drawing that the photo's scene names, relative to the photo's folder. The
-    /// author of the photo chose this name
+    /// Open the font or drawing that the photo's scene names, relative to the photo's folder. Only
+    /// use this for photos from authors that you trust
     #[arg(long)]
     trust: bool,
     /// Picture to write, PNG or SVG: the photo with intended strokes (green), missing ones (pink),

@@ -23,14 +23,14 @@ use serde_json::{Value, json};
 #[expect(clippy::struct_excessive_bools, reason = "flags of the command line")]
 #[derive(Debug, Args)]
 pub(super) struct ServeArgs {
-    /// Scene from which the page starts
+    /// Scene that the page's controls show at the start
     #[arg(long, value_name = "SCENE")]
     scene: Option<String>,
-    /// Port, or 0 for the port of the gallery's address or else a free port
+    /// Port, or 0 for the port that the gallery stores or else a free port
     #[arg(long, value_name = "N", default_value_t = 0)]
     port: u16,
-    /// Folder that stores the address and the visitors' entries [default: kept only until the
-    /// program ends]
+    /// Folder that stores the address and the visitors' entries [default: none, so that both are
+    /// lost when the program ends]
     #[arg(long, value_name = "DIR")]
     gallery: Option<PathBuf>,
     /// Also serve the local network. Whoever has the address may write, draw and send
@@ -46,18 +46,18 @@ pub(super) struct ServeArgs {
     /// Folder with the host's title and sentences (brand.toml) and logo (logo.svg)
     #[arg(long, value_name = "DIR")]
     brand: Option<PathBuf>,
-    /// Folder of the scripts that fly and of their logs, whose light the wall shows as it is
-    /// written
+    /// Folder of the scripts that fly and of their logs, whose light the wall shows during the
+    /// flight
     #[arg(long, value_name = "DIR")]
     flights: Option<PathBuf>,
-    /// WebAssembly module, which `src/photo_service/build` writes, with which visitors' browsers
-    /// make their own photos
+    /// WebAssembly module, built by `src/photo_service/build`, with which visitors' browsers make
+    /// their own photos
     #[arg(long, value_name = "FILE")]
     module: Option<PathBuf>,
     /// Open the page in the browser
     #[arg(long)]
     open: bool,
-    /// Make what a server asks for, on standard input
+    /// Run the jobs that a server sends on standard input
     #[arg(long, hide = true)]
     worker: bool,
 }

@@ -21,9 +21,9 @@ pub(super) struct SpreadFlags {
     /// spread-xz.svg, spread.png)
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(2..=1000))]
     spread: Option<u16>,
-    /// How the flights of --spread vary: room (the scene's drone in varied rooms and evenings),
-    /// drone (also varied drones of its make), evening (like room, with faults of radio, heading,
-    /// propeller and battery), still (only noise), or a TOML file
+    /// Conditions under which the flights of --spread vary: room (the scene's drone in varied rooms
+    /// and evenings), drone (also varied drones of the same model), evening (like room, with faults
+    /// of radio, heading, propeller and battery), still (only noise), or a TOML file
     #[arg(long, value_name = "NAME|FILE", default_value = "room", requires = "spread")]
     conditions: String,
 }

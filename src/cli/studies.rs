@@ -35,13 +35,13 @@ pub(super) struct StudyFlags {
     /// Number of seeds of each word [default: rank 50, or 100 with --task, tune 6]
     #[arg(long, value_name = "N")]
     seeds: Option<u32>,
-    /// Seed from which the seeds of all flights are derived. If it is 2^32 or above, nobody can
-    /// find them by trial
+    /// Seed from which the seeds of all flights are derived. A seed of 2^32 or above cannot be
+    /// found by trial
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(super) seed: u64,
-    /// How flights vary: room (the scene's drone in varied rooms and evenings), drone (also varied
-    /// drones of its make), evening (like room, with faults of radio, heading, propeller and
-    /// battery), still (only noise), or a TOML file
+    /// Conditions under which flights vary: room (the scene's drone in varied rooms and evenings),
+    /// drone (also varied drones of the same model), evening (like room, with faults of radio,
+    /// heading, propeller and battery), still (only noise), or a TOML file
     #[arg(long, value_name = "NAME|FILE", default_value = "room")]
     conditions: String,
 }

@@ -44,10 +44,10 @@ pub(super) struct TuneArgs {
     /// Longest allowed flight, in seconds [default: that of the scene]
     #[arg(long, value_name = "S")]
     longest: Option<f64>,
-    /// Cap height in meters. The other lengths of the letters are scaled with it
+    /// Cap height in meters, with which the other lengths of the letters are scaled
     #[arg(long, value_name = "M")]
     cap_height: Option<f64>,
-    /// Words on which the result is tested but not trained
+    /// Words for testing the result, which are not used for training
     #[arg(
         long,
         value_name = "WORD,...",
@@ -55,9 +55,8 @@ pub(super) struct TuneArgs {
         default_value = "LOG,WAX,HELLO,QUIZ,SKY"
     )]
     test_words: Vec<String>,
-    /// Number of seeds of each test word. Training words get four times as many new seeds, and at
-    /// least six. The test on training words decides whether the tuned or the original scene is
-    /// written
+    /// Number of seeds of each test word. Training words are tested with four times as many new
+    /// seeds, at least six. This test determines whether the tuned or the original scene is written
     #[arg(long, value_name = "N", default_value_t = 10)]
     test_seeds: u32,
     /// Folder for scene.toml, candidates.csv, pareto.svg and flights.jsonl
