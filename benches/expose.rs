@@ -1,17 +1,17 @@
-//! Measures the time of each part of an exposure of 40 s at 1 kHz on 1920×1080 pixels with spots of
-//! 1.6 px, and that of the glow on the floor under NOOR in the default scene.
+//! Measures the time of each part of an exposure of 40 s, sampled at 1 kHz, on 1920×1080 pixels
+//! with spots of 1.6 px, and the time of the glow on the floor under NOOR in the default scene.
 //!
-//! The path is that of the light trace (`t,x,y,z,r,g,b`) in the file `NOCTOGRAPH_BENCH_CSV`, such
-//! as one of NOOR, or else a figure of the same length and speed. The lower bound on this machine
-//! is 0.35 ms of arithmetic without merging on one core, and 1.4 ms to clear and read the picture.
-//! The goals for the splat on one core are 2 ms with merging and 7 ms without.
+//! The path is that of the light trace (`t,x,y,z,r,g,b`) in the file that `NOCTOGRAPH_BENCH_CSV`
+//! names, such as one of NOOR, or else a figure of the same length and speed. The lower bound on
+//! one core of this machine is 0.35 ms for the arithmetic without merging, and 1.4 ms to clear and
+//! read the picture. The goals for the splat on one core are 2 ms with merging and 7 ms without.
 //!
 //! Two changes put all lamps of one color into one plane and kept curves in registers. Measured
 //! side by side on a busy machine, they reduced the processor time of the splat from 1.9 to 1.5 ms
 //! with merging and from 12.8 to 5.7 ms without, and that of NOOR with its 42 lamps from 13 to 10
-//! ms. With merging, one millisecond of the splat is spent to clear the picture. In a process that
-//! has not used that memory before, page faults increase this to 8 ms, both before and after the
-//! changes.
+//! ms. With merging, one millisecond of the splat is spent on clearing the picture. In a process
+//! that has not used that memory before, page faults increase this time to 8 ms, both before and
+//! after the changes.
 #![expect(clippy::unwrap_used, reason = "a bench fails by panicking")]
 #![allow(missing_docs, reason = "criterion's macro makes an undocumented function")]
 
@@ -25,7 +25,7 @@ use noctograph::light::{LightTrace, csv::read};
 use noctograph::scene::{Preset, Scene};
 use noctograph::shoot::Shoot;
 
-/// Returns a camera with a lens of 28 mm at a distance of 4 m.
+/// Returns a camera with a 28 mm lens at a distance of 4 m.
 fn camera() -> Camera {
     let options = CameraOptions {
         framing: Framing::Fixed(FixedPose {

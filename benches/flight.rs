@@ -1,7 +1,7 @@
-//! Measures the time of a whole flight of NOOR, 46 s from rest at the first letter, with each
-//! controller, and at the firmware's 1 kHz. The goal is 20 ms for 40 s of flight. The median
-//! processor times in November 2026 on a busy core with AVX-512 were 8.0 to 10.4 ms for the 46 s,
-//! and 11.9 to 16.0 ms at 1 kHz.
+//! Measures the time to simulate the whole flight of NOOR, 46 s from rest at the first letter, with
+//! each controller, and at the firmware's rate of 1 kHz. The goal is 20 ms for 40 s of flight. In
+//! November 2026, the median processor times on a busy core with AVX-512 were 8.0 to 10.4 ms for
+//! the 46 s, and 11.9 to 16.0 ms at 1 kHz.
 
 use std::hint::black_box;
 

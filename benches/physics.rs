@@ -1,10 +1,10 @@
 //! Measures steps of the flight physics per second of processor time, for one drone on one core.
 //!
-//! Run it with `cargo bench --bench physics`, in whose output an element is a step of 1 ms. The
-//! goal is 6 million steps/s for "rotors and drag", which is the scope of other simulators' physics
-//! (a simulator written for this comparison reaches 6.9 million). In November 2026, the best and
-//! the median of 60 runs on a busy core with AVX-512 were 13.0 and 8.4 million steps/s. For "cf21"
-//! the best and the median were 9.7 and 6.7 million steps/s, and with gusts 6.1 and 5.0 million.
+//! Run it with `cargo bench --bench physics`. In its output, an element is a step of 1 ms. The goal
+//! is 6 million steps/s for "rotors and drag", which covers the physics of other simulators (a
+//! simulator written for this comparison reaches 6.9 million). In November 2026, the best and the
+//! median of 60 runs on a busy core with AVX-512 were 13.0 and 8.4 million steps/s. They were 9.7
+//! and 6.7 million steps/s for "cf21", and 6.1 and 5.0 million with gusts.
 
 #![expect(clippy::disallowed_methods, reason = "a file of the kernel")]
 
@@ -19,7 +19,7 @@ use noctograph::vehicle::{GroundEffect, Gusts, Plant};
 
 const STEPS: u64 = 100_000;
 
-/// Returns options that simulate the body, and rotors with lag, spin and drag.
+/// Returns options that simulate the body, and rotors with lag, angular momentum and drag.
 fn motion() -> SimOptions {
     let mut options = Scene::preset(Preset::Cf21).sim();
     options.battery.capacity_ah = 0.0;
@@ -27,7 +27,7 @@ fn motion() -> SimOptions {
     options
 }
 
-/// Returns options that also simulate battery, ground effect and gusts.
+/// Returns options that also simulate the battery, the ground effect and gusts.
 fn everything() -> SimOptions {
     let mut options = Scene::preset(Preset::Cf21).sim();
     options.air.gusts = Gusts::room();

@@ -1,8 +1,8 @@
-//! Measures the time to read a photo: the preparation for a word, which is needed once, and the
-//! reading of each photo of this word.
+//! Measures the time to prepare the reader for a word, which is needed once, and the time to read
+//! each photo of this word.
 //!
-//! Measured in processor time on one core at 1920×1080, NOOR takes 0.3 ms to prepare and 11 ms per
-//! photo, and PAINTING 0.5 ms and 20 ms.
+//! At 1920×1080 pixels, in processor time on one core, NOOR takes 0.3 ms to prepare and 11 ms per
+//! photo, and PAINTING 0.5 ms and 20 ms, respectively.
 #![expect(clippy::unwrap_used, reason = "a bench fails by panicking")]
 #![allow(missing_docs, reason = "criterion's macro makes an undocumented function")]
 

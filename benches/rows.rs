@@ -1,10 +1,10 @@
-//! Measures what a user waits for, as a ratio to a fixed piece of work that is measured at the same
-//! time, so that figures of two machines or of two days can be compared.
+//! Measures the time that a user waits, relative to a fixed computation that is measured at the
+//! same time, so that figures from different machines or days can be compared.
 //!
-//! `cargo bench -p noctograph-benches --bench rows`. Run it with `cargo bench -p noctograph-benches
-//! --bench rows`. The benchmark uses one thread and no graphics card. Each figure is the minimum of
-//! [`ROUNDS`] rounds, because other work on the machine only increases a time. In each round the
-//! fixed work runs before every row. `tests/speed` limits the number of instructions of each row.
+//! Run it with `cargo bench -p noctograph-benches --bench rows`. The benchmark uses one thread and
+//! no graphics card. Each figure is the minimum of [`ROUNDS`] rounds, because other work on the
+//! machine can only increase a time. In each round, the fixed work runs before every row.
+//! `tests/speed` limits the number of instructions of each row.
 #![expect(clippy::disallowed_methods, reason = "our own files")]
 #![expect(clippy::print_stdout, reason = "a table for people")]
 
@@ -17,10 +17,10 @@ use noctograph::cli::report_of;
 
 const ROUNDS: usize = 7;
 
-/// Number of flights in the row of a study.
+/// Number of flights in the row for a study.
 const FLIGHTS: usize = 8;
 
-/// Name of a row, its command, and the number of times that the command does the named work.
+/// Name of a row, its command, and the number of times that the command performs the named work.
 type Row = (&'static str, String, usize);
 
 fn rows(folder: &Path) -> Vec<Row> {
@@ -49,8 +49,8 @@ fn trace() -> String {
     csv
 }
 
-/// Runs a fixed computation of several tens of milliseconds with sums, products and memory
-/// accesses, which does not depend on the program, and returns its time in s.
+/// Runs a fixed computation of sums, products and memory accesses, which takes several tens of
+/// milliseconds and does not depend on the program, and returns its time in s.
 fn fixed_work() -> f64 {
     let mut values = vec![1.0_f64; 1 << 19];
     let mut state = 1_u64;
@@ -75,8 +75,8 @@ fn run(words: &str) {
     black_box(report_of(&words).expect("the verb runs"));
 }
 
-/// Returns the peak memory of a separate process that runs `preview`in MB, or `None` if the system
-/// does not report it.
+/// Returns the peak memory, in MB, of a separate process that runs `preview`, or `None` if the
+/// system does not report it.
 fn memory_mb(folder: &Path) -> Option<f64> {
     let program = std::env::current_exe().ok()?;
     let output = Command::new(program).arg("--memory-of-preview").arg(folder).output().ok()?;

@@ -1,6 +1,6 @@
-//! Measures the throughput of studies, in which NOOR is planned, flown, exposed on a small film and
-//! read on one core, and that of the flight separately. The goal is 25 flights per second and core,
-//! which is 40 ms per flight.
+//! Measures the throughput, on one core, of studies in which NOOR is planned, flown, exposed on a
+//! small film and read, and the throughput of the flight alone. The goal is 25 flights per second
+//! and core, which is 40 ms per flight.
 
 use std::hint::black_box;
 

@@ -1,15 +1,15 @@
 //! Measures a Monte Carlo study of 1,000 flights of 40 s with the full model on two cores. The goal
 //! is 6 s, which is 12 ms of processor time per flight.
 //!
-//! `cargo bench --bench thousand`. Run it with `cargo bench --bench thousand`. A number after `--`
-//! sets the number of flights. The full model is that of the preset `cf21`, with Runge–Kutta
-//! integration at 1 kHz, rotor lag, drag, battery and ground effect, Lighthouse sweeps, inertial
-//! sensors at 1 kHz, a regulator at 500 Hz, and a log at 250 Hz.
+//! Run it with `cargo bench --bench thousand`. A number after `--` sets the number of flights. The
+//! full model is that of the preset `cf21`, with Runge–Kutta integration at 1 kHz, rotor lag, drag,
+//! battery and ground effect, Lighthouse sweeps, inertial sensors at 1 kHz, a regulator at 500 Hz,
+//! and a log at 250 Hz.
 //!
 //! In November 2026 a flight took 19 ms (sweeps, EKF) or 14 ms (beams, observer) on two busy cores
-//! with AVX-512 (load 12). In an experiment, drones that were simulated together in the widest
-//! registers took 0.67 to 0.85 of that time, which saved only 3 % of the time of a study and did
-//! not justify the code.
+//! with AVX-512 (load 12). In an experiment, simulating several drones together in the widest
+//! registers took 0.67 to 0.85 of that time. This saved only 3 % of a study's time and did not
+//! justify the code.
 
 #![expect(clippy::disallowed_methods, reason = "our own files")]
 #![expect(clippy::print_stdout, reason = "a table for people")]
@@ -27,7 +27,7 @@ use noctograph::vehicle::Gusts;
 const CORES: usize = 2;
 const SECONDS: f64 = 40.0;
 
-/// Returns a plan for the first 40 s of NOOR.
+/// Returns the first 40 s of the plan of NOOR.
 fn word() -> Plan {
     let strokes = write("NOOR", &LetterOptions::default()).expect("it is written");
     let letters = PlanOptions { extent: Extent::Letters, ..Default::default() };

@@ -1,5 +1,5 @@
-//! Measures whether advice helps. For 60 scenes with faults, the first remedy is applied, and the
-//! word is flown and read again with seeds that the advice did not use.
+//! Measures whether advice helps. For each of 60 scenes with faults, the first remedy is applied,
+//! and the word is flown and read again with seeds that were not used for the advice.
 //!
 //! ```sh
 //! cargo run --release --example advice      # the table of docs/advice.md (docs/figures advice)
@@ -53,7 +53,7 @@ const FAULTS: [Fault; 15] = [
 
 const WORDS: [&str; 4] = ["NOOR", "Jazz", "2027", "Sofia"];
 
-/// Seeds with which the advice is tested, which differ from those that it was computed with.
+/// Seeds with which the advice is tested. They differ from those with which it was computed.
 const SEEDS: [u64; 3] = [101, 102, 103];
 
 fn main() -> Outcome<()> {
@@ -68,7 +68,7 @@ fn main() -> Outcome<()> {
             let mut scene = Scene::parse_with("", "scene", &set)?;
             scene.seed = (10 * number + place) as u64;
             let found = match Shoot::new(scene.clone()).and_then(|shoot| remedies(&shoot)) {
-                // If there is no photograph, the only advice is that of the error.
+                // If there is no photograph, the error gives the only advice.
                 Err(Error::Infeasible { what, .. }) => {
                     silent += 1;
                     rows.push(format!("| {fault} | {word} | 0.00 | none: {what} | | |"));
@@ -109,12 +109,12 @@ fn print_out(rows: &[String], [rose, fell, silent]: [usize; 3]) {
     );
 }
 
-/// Formats changes in the syntax of a scene file.
+/// Formats changes in the syntax of scene files.
 fn in_words(changes: &[Change]) -> String {
     changes.iter().map(Change::to_string).collect::<Vec<_>>().join(", ")
 }
 
-/// Returns the scene after the changes of advice are applied as if they were typed.
+/// Returns the scene with the advised changes applied, as if a user had typed them.
 fn followed(set: &[(&str, &str)], changes: &[Change], seed: u64) -> Outcome<Scene> {
     let mut settings = set.to_vec();
     for change in changes {
@@ -127,8 +127,7 @@ fn followed(set: &[(&str, &str)], changes: &[Change], seed: u64) -> Outcome<Scen
     Ok(Scene { seed, ..scene })
 }
 
-/// Returns the mean readability over the seeds that the advice did not use, with 0 for a lost
-/// drone.
+/// Returns the mean readability over the test seeds, with 0 for a lost drone.
 fn mean(scene: &Scene) -> Outcome<f64> {
     let mut sum = 0.0;
     for seed in SEEDS {

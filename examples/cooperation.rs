@@ -1,5 +1,5 @@
-//! Makes the tables and pictures of docs/cooperative.md, which show the errors of drones with three
-//! common anchors.
+//! Makes the tables and pictures of docs/cooperative.md, which show the errors of drones that use
+//! three common anchors.
 //!
 //! ```sh
 //! cargo run --release --example cooperation -- setups 64     # who measures what, 64 flights each
@@ -49,10 +49,10 @@ const SETUPS: [Setup; 8] = [
     ("rangers, estimates shared", FLOOR, &[("observer.cooperative.share", "estimates")]),
 ];
 
-/// Error of the estimate, in m, above which a filter counts as astray if the error ever exceeds it.
+/// Position error in m. A filter whose error ever exceeds it counts as astray.
 const ASTRAY_M: f64 = 0.5;
 
-/// Result of one flight of a fleet.
+/// Result of a fleet's flight.
 #[derive(Default)]
 struct Flown {
     /// True if a drone was lost, or a filter went astray.
@@ -76,7 +76,7 @@ fn main() -> Outcome<()> {
             print_out(&heading("drones", n));
             (2..=6).try_for_each(|drones| {
                 let drones = drones.to_string();
-                // The word has a letter for each drone, because every drone writes at least one.
+                // Every drone writes at least one letter, so the word contains one for each.
                 let set = [
                     ("word", "NOORNOOR"),
                     ("plan.drones", drones.as_str()),
@@ -99,7 +99,7 @@ fn seeded(shoot: &Shoot, seed: u64) -> Shoot {
     Shoot { scene: Scene { seed, ..shoot.scene.clone() }, ..shoot.clone() }
 }
 
-/// Returns the head of a table in the form of docs/cooperative.md.
+/// Returns the header of a table in the form of docs/cooperative.md.
 fn heading(what: &str, n_flights: &str) -> String {
     format!(
         "| {what} | error | bound | NEES/3 | astray, legible of {n_flights} |\n|---|---|---|---|---|"

@@ -1,13 +1,13 @@
-//! Measures which letters are legible, and how small NOOR may be. Every character of three fonts is
-//! planned, flown, photographed and read in the styles `team` and `even`, and NOOR at decreasing
-//! sizes for each controller.
+//! Measures which letters are legible, and how small NOOR may be. Each character of three fonts is
+//! planned, flown, photographed and read in the styles `team` and `even`. The same is done with
+//! NOOR at decreasing sizes for each controller.
 //!
 //! ```sh
 //! cargo run --release --example legible -- characters   # a table of all characters
 //! cargo run --release --example legible -- heights      # a table and legible.png, a contact sheet
 //! ```
 //!
-//! NOOR is written in the font ae483 with its letters in their own proportions.
+//! NOOR is written in the font ae483, with the proportions of the font's letters.
 
 use std::error::Error;
 use std::fmt::Write as _;
@@ -27,7 +27,7 @@ type Outcome<T> = Result<T, Box<dyn Error>>;
 
 const FONTS: [&str; 3] = ["ae483-fixed", "simplex", "fonts/Roboto-Thin.ttf"];
 const CHARACTERS: &str = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789";
-/// Cap heights of NOOR in m. The whole box of each letter is scaled with them.
+/// Cap heights of NOOR in m, with which each letter's whole box is scaled.
 const HEIGHTS_M: [f64; 10] = [0.5, 0.4, 0.3, 0.25, 0.2, 0.15, 0.12, 0.1, 0.08, 0.06];
 /// Seeds with which the word is flown at each height.
 const SEEDS: [u64; 3] = [1, 2, 3];
@@ -40,7 +40,7 @@ fn main() -> Outcome<()> {
     }
 }
 
-/// Returns the combinations of style and controller with their names.
+/// Returns the combinations of style and controller, with their names.
 fn ways() -> [(&'static str, PlanOptions, ControllerKind); 6] {
     let team = PlanOptions::default;
     let style = EvenStyle { exposure: LightLevel::Dimmed, ..EvenStyle::default() };
@@ -92,7 +92,7 @@ fn characters() -> Outcome<()> {
                         continue;
                     }
                 };
-                // A font without lowercase letters draws a capital, which has already been tested.
+                // A font without lowercase letters draws capitals, which have already been tested.
                 if verdict.word != character.to_string() {
                     continue;
                 }
@@ -130,8 +130,8 @@ fn heights() -> Outcome<()> {
             let mut scene = scene(&plan, kind, size_px);
             scene.letters.cap_height_m = height_m;
             scene.letters.baseline_m = 0.75 - 0.5 * height_m;
-            // The rounding of corners is proportional to the letters, and the steps are as wide as
-            // the gaps.
+            // The radius of the corners is proportional to the letters, and the steps are as wide
+            // as the gaps.
             match &mut scene.plan.style {
                 Style::Team(style) => style.step_m = 0.2 * height_m,
                 Style::Even(style) => {

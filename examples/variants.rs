@@ -1,5 +1,5 @@
 //! Tests whether a picture is read in the same way when it is scaled, brightened, compressed,
-//! cropped or rotated, given the word and without it.
+//! cropped or rotated, both given the word and without it.
 //!
 //! ```sh
 //! cargo run --release --example variants -- NOOR-0.png HELLO-1.png
@@ -23,8 +23,8 @@ use noctograph::score::{Reader, ScoreOptions, find_word, read};
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
-/// Changes of a picture: the scale, the factor and the exponent of its pixel values, the JPEG
-/// quality, the fraction cropped from the sides, and the rotation in degrees.
+/// Changes to a picture, which are the scale, the factor and exponent applied to its pixel values,
+/// the JPEG quality, the fraction cropped from the sides, and the rotation in degrees.
 #[derive(Clone, Copy)]
 struct Variant {
     scale: f64,
@@ -83,7 +83,7 @@ fn varied(picture: &RgbImage, variant: &Variant) -> Outcome<RgbImage> {
     Ok(picture)
 }
 
-/// Returns the picture rotated about its middle, with interpolation between pixel centers.
+/// Returns the picture rotated about its center, with interpolation between pixel centers.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels and codes")]
 fn turned(picture: &RgbImage, turn_deg: f64) -> RgbImage {
     if turn_deg == 0.0 {
@@ -120,8 +120,7 @@ fn word_of(name: &str) -> &str {
     name.split('-').next().unwrap_or(name)
 }
 
-/// Returns the reading given the word, whether the word is legible, and the reading without the
-/// word.
+/// Returns the reading given the word, the legibility, and the reading without the word.
 fn readings(picture: RgbImage, name: &str) -> Outcome<(String, bool, String)> {
     let photo = Photo::made(PhotoData {
         width_px: picture.width(),
@@ -146,8 +145,9 @@ fn readings(picture: RgbImage, name: &str) -> Outcome<(String, bool, String)> {
 
 #[expect(clippy::print_stdout, reason = "an example's result")]
 fn main() -> Outcome<()> {
-    // These are the sums over all pictures: same reading given the word, correct given the word,
-    // legible, same reading without the word, correct without it, and the number of variants.
+    // The sums over all pictures count the variants that are read the same given the word,
+    // correctly given the word, legible, the same without the word, and correctly without it, and
+    // all variants.
     let mut sums = [0_usize; 6];
     for path in std::env::args().skip(1) {
         let name = Path::new(&path).file_stem().and_then(|name| name.to_str()).ok_or("a name")?;

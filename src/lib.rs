@@ -3,8 +3,8 @@
 //!
 //! # The road
 //!
-//! Data flows in one direction through stages. The products of stages are plain data and named by
-//! nouns. The stages are named by verbs, and each is a crate or a module of a crate.
+//! Data flows through stages in one direction. The products of stages are plain data with nouns as
+//! names. The stages are named by verbs, and each is a crate or a module of a crate.
 //!
 //! ```text
 //! word ─letters→ Strokes ─plan→ Plan ─sim→ Flight ─light→ LightTrace ─expose→ Film ─photo→ Photo ─score→ Verdict
@@ -28,7 +28,7 @@
 //!
 //! Each crate is a folder of `src` with its Cargo.toml, its `lib.rs` and its tests. Because Cargo
 //! allows no circular dependencies, data can flow in only one direction. This package contains the
-//! program, and re-exports the modules of the crates.
+//! program and re-exports the modules of the crates.
 //!
 //! | crate | what is in it | of ours, it depends on |
 //! |---|---|---|
@@ -49,21 +49,20 @@
 //! | `noctograph` | the program: [`cli`] with arguments, tables, exit codes | `core`, `export`, `letters`, `locate`, `logs`, `picture`, `pipeline`, `plan`, `score`, `serve`, `sim`, `studies` |
 //! | `python` | the bindings of the Python package, whose functions are the commands of [`cli`] | `core`, `noctograph` |
 //!
-//! The crate `features` contains no code. Without it, the tests of a single crate would rebuild
-//! about thirty packages.
+//! Without the crate `features`, the tests of a single crate would rebuild about thirty packages.
 //!
 //! The crates cannot be published on crates.io, because fonts, shaders and golden files are at the
-//! top level, outside of the crates. A program that uses the library depends on the repository, as
+//! top level, outside the crates. A program that uses the library depends on the repository, as
 //! `examples/library` does.
 //!
-//! In addition to the dependencies between crates, these rules apply:
+//! These rules apply in addition to the dependencies between crates:
 //! - `score` uses no plan, no flight and no light trace, but only a photo, a word and a camera.
-//! - `expose` has no notion of drones, `light` none of pixels, and `letters` none of speed.
+//! - `expose` knows nothing of drones, `light` nothing of pixels, and `letters` nothing of speed.
 //! - Quantities of the world are in meters, in f64 and nalgebra types. Quantities of the picture
 //!   are in pixels, in glam types up to the segments of `expose`, in f32 in its records, and in
-//!   integers after that. Each change of the number format happens in a single function.
+//!   integers after that. A single function performs each change of the number format.
 //! - Code below `cli` reads no clock and no environment, prints nothing, and shows no progress bar.
-//!   Stages report progress through a callback. The same scene and seed give the same bytes.
+//!   Stages report progress through a callback. The same scene and seed yield the same bytes.
 //! - Degrees, milliseconds and other axes occur only in `cli`, `logs` and `export`.
 //!
 //! # Conventions
@@ -71,8 +70,8 @@
 //! In the world frame, z points up, x to the viewer's right, and y into the scene, and the word
 //! lies in the x-z plane. In the body frame, x points forward, y left, and z up. In the camera
 //! frame, x points right, y down, and z forward. The image origin is at the top left, and pixel
-//! centers are at +0.5. A transform is named `to_from`. The name of every public scalar contains
-//! its unit.
+//! centers are at +0.5. The name of a transform has the form `to_from`. The name of every public
+//! scalar contains its unit.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]

@@ -7,8 +7,8 @@ use noctograph::cli;
 
 fn main() -> ExitCode {
     if std::env::var_os("XDG_RUNTIME_DIR").is_none() {
-        // If `XDG_RUNTIME_DIR` is not set, Mesa's device-select layer prints an error for each
-        // query of the graphics devices, so that the layer is disabled.
+        // Mesa's device-select layer is disabled, because it prints an error for each query of the
+        // graphics devices if `XDG_RUNTIME_DIR` is not set.
         //
         // SAFETY: no other thread is running that could read the environment.
         unsafe { std::env::set_var("NODEVICE_SELECT", "1") };

@@ -1,11 +1,11 @@
-//! Test bench of ten faults at six levels each, which are caused by the flight, the lamps or the
-//! camera. The example beside this file photographs the faults, and `tests/it/faults.rs` compares
-//! their scores with a golden table.
+//! Test bench of ten faults of the flight, the lamps or the camera, at six levels each. The example
+//! beside this file photographs the faults, and `tests/it/faults.rs` compares their scores with a
+//! golden table.
 //!
-//! The planner uses one scene, whereas the flight and the photograph use another scene that
-//! contains the fault, which is a setting of the simulator, the lamps or the camera. Two faults
-//! have no such setting: lost light commands are removed from the plan, and underexposure is
-//! simulated by dimmer lamps, because an exposure cannot be shorter than its flight.
+//! The planner uses one scene. The flight and the photograph use another scene that contains the
+//! fault as a setting of the simulator, the lamps or the camera. No such setting exists for two of
+//! the faults. Lost light commands are removed from the plan, and underexposure is simulated by
+//! dimmer lamps, because an exposure cannot be shorter than its flight.
 
 use std::num::NonZero;
 use std::sync::Mutex;
@@ -26,8 +26,7 @@ use noctograph::studies::Conditions;
 /// Number of levels of a fault.
 pub(crate) const LEVELS: usize = 6;
 
-/// Words over which a cell of the bench is averaged. Each is flown with its index, counted from 1,
-/// as the seed.
+/// Words over which each cell of the table is averaged. A word's index, from 1, is its seed.
 pub(crate) const WORDS: [&str; 3] = ["NOOR", "HAZE", "JUMP"];
 
 /// A fault that spoils a photograph.
@@ -48,14 +47,13 @@ pub(crate) struct Setting {
     pub(crate) known: Scene,
     /// Scene that is flown and photographed.
     pub(crate) actual: Scene,
-    /// Conditions by which the drone and its room vary about `actual`.
+    /// Conditions under which the drone and its room vary about `actual`.
     pub(crate) conditions: Conditions,
-    /// Fraction of each letter's light commands that is lost in one run.
+    /// Fraction of each letter's light commands that is lost, in consecutive commands.
     pub(crate) missing_frac: f64,
 }
 
-/// The ten faults, whose levels are meant for letters half a meter high that are written at 0.2
-/// m/s.
+/// The ten faults. Their levels are meant for letters half a meter high, written at 0.2 m/s.
 pub(crate) const FAULTS: [Fault; 10] = [
     Fault {
         name: "wander",
@@ -67,7 +65,7 @@ pub(crate) const FAULTS: [Fault; 10] = [
         },
     },
     Fault {
-        // The drone lags behind held positions by half a second, and cuts corners accordingly.
+        // The drone lags behind held positions by half a second, and therefore cuts corners.
         name: "lag",
         unit: "m/s by held positions",
         levels: [0.15, 0.2, 0.25, 0.3, 0.4, 0.6],
@@ -111,7 +109,7 @@ pub(crate) const FAULTS: [Fault; 10] = [
         unit: "m closer",
         levels: [0.05, 0.1, 0.2, 0.3, 0.4, 0.46],
         turn: |setting, closer_m| {
-            // Letters in boxes cannot overlap, whereas those of simplex can.
+            // Letters of the box font cannot overlap, but those of simplex can.
             for scene in setting.scenes() {
                 scene.letters.font = "simplex".into();
                 scene.letters.spacing_m -= closer_m;
@@ -206,12 +204,12 @@ impl Setting {
         }
     }
 
-    /// Returns both scenes, which faults of the design change.
+    /// Returns both scenes, for faults of the design.
     pub(crate) fn scenes(&mut self) -> [&mut Scene; 2] {
         [&mut self.known, &mut self.actual]
     }
 
-    /// Returns the camera, and the middle, the foot and the head of the word in its picture.
+    /// Returns the camera, and the middle, bottom and top of the word in its picture.
     fn sight(&self) -> Result<(Camera, [ImagePoint; 3])> {
         let strokes = letters::write(&self.known.word, &self.known.letters)?;
         let [left, bottom, right, top] = strokes.bounds_m();
@@ -245,8 +243,8 @@ impl Setting {
         shoot.take(&|_, _| {})
     }
 
-    /// Removes a run of light commands from each letter. The run of a severer level contains that
-    /// of a slighter one.
+    /// Removes consecutive light commands from each letter. Those removed at a more severe level
+    /// include those removed at a slighter one.
     fn lose_light(&self, plan: &mut Plan) {
         let letters = plan.setpoints.iter().map(|setpoint| setpoint.letter);
         let letters: Vec<Option<usize>> = letters.collect();
@@ -257,7 +255,7 @@ impl Setting {
                     let lit: Vec<usize> = (0..letters.len())
                         .filter(|&row| letters[row] == Some(letter) && levels[row] > 0.0)
                         .collect();
-                    // Multiples of the golden ratio spread the runs over the letters of all words.
+                    // Multiples of the golden ratio distribute the removed parts over all letters.
                     let place = ((self.actual.seed as f64 + letter as f64) * 0.618_034).fract();
                     let from = share_of(lit.len(), place * (1.0 - self.missing_frac));
                     let run = share_of(lit.len(), self.missing_frac);
@@ -268,8 +266,8 @@ impl Setting {
     }
 }
 
-/// Returns the shoot of a scene with its plans, which are the same for all faults of flight, lamps
-/// and camera.
+/// Returns the shoot of a scene with its plans, which are cached, because all faults of flight,
+/// lamps and camera use the same plans.
 fn planned(known: &Scene) -> Result<Shoot> {
     static MADE: Mutex<Vec<Shoot>> = Mutex::new(Vec::new());
     let mut made = MADE.lock().expect("no panic");
@@ -280,8 +278,8 @@ fn planned(known: &Scene) -> Result<Shoot> {
     Ok(made[made.len() - 1].clone())
 }
 
-/// Returns the flights of a shoot. The first flights, of clean words, are cached, because faults of
-/// lamps and camera use them.
+/// Returns the flights of a shoot. The first flights, those of clean words, are cached, because all
+/// faults of lamps and camera use them.
 fn flown(known: &Scene, shoot: &Shoot) -> Result<Vec<Flight>> {
     type Flown = (Scene, Vec<Planned>, SimOptions, Vec<Flight>);
     static CLEAN: Mutex<Vec<Flown>> = Mutex::new(Vec::new());
@@ -315,8 +313,7 @@ pub(crate) fn table(faults: &[Fault]) -> Result<String> {
     Ok(text)
 }
 
-/// Returns one line of the table. Readers are cached, because creating one takes longer than
-/// reading with it.
+/// Returns one line of the table. Readers are cached, because creating one is slow.
 fn line(
     readers: &mut Vec<(Strokes, Reader)>,
     name: &str,

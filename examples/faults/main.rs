@@ -1,5 +1,4 @@
-//! Makes a contact sheet of the bench's photographs with faults, or the bench's table at other
-//! levels.
+//! Makes a contact sheet of photographs with faults, or prints the bench's table at other levels.
 //!
 //! ```sh
 //! cargo run --release --example faults -- sheet docs/faults.png       # ten faults, six levels
@@ -28,7 +27,7 @@ fn main() -> Outcome<()> {
     }
 }
 
-/// Prints the scores of a fault at levels that differ from the bench's.
+/// Prints the scores of a fault at the given levels.
 fn rehearse(name: &str, levels: &[&str]) -> Outcome<()> {
     let fault = FAULTS.into_iter().find(|fault| fault.name == name).ok_or("name a fault")?;
     let numbers: Vec<f64> = levels.iter().map(|level| level.parse()).collect::<Result<_, _>>()?;
@@ -42,8 +41,8 @@ fn print_out(text: &str) {
     print!("{text}");
 }
 
-/// Writes a sheet of the bench's photographs of one word, with faults from top to bottom and levels
-/// from left to right.
+/// Writes a sheet of the bench's photographs of one word, with the faults from top to bottom and
+/// the levels from left to right.
 fn sheet(path: &Path) -> Outcome<()> {
     const SIZE_PX: [u32; 2] = [180, 84];
     /// Fraction of the photo's width that is shown. The word fills half of the width.

@@ -1,7 +1,7 @@
 //! Generates photographs from random seeds, which select a word, a drone, a fault and a camera.
 //!
-//! A flight is planned with a scene that the planner knows, and flown with faults that it does not
-//! know. Several cameras may photograph the same flight. This module does not score the
+//! A flight is planned with a scene that the planner knows, and flown with faults that the planner
+//! does not know. Several cameras may photograph the same flight. This module does not score the
 //! photographs.
 
 use std::fmt::Write as _;
@@ -37,8 +37,8 @@ pub(crate) const SIZES: [[u32; 2]; 11] = [
     [1280, 720],
 ];
 
-/// Chromaticities of the lamps that write, which are mostly daylight white, and also tungsten and
-/// the colors of LEDs.
+/// Chromaticities of the lamps that write. Most are daylight white, and the others are tungsten
+/// white and LED colors.
 const COLORS: [[f64; 2]; 8] = [
     [0.3127, 0.329],
     [0.44, 0.40],
@@ -100,7 +100,7 @@ pub(crate) fn random_text(rng: &mut Rng) -> String {
     (0..2 + rng.below(5)).map(|_| char::from(of.as_bytes()[rng.below(of.len())])).collect()
 }
 
-/// Settings of a scene in the form of `--set`.
+/// Scene settings in the form of `--set`.
 #[derive(Clone, Default)]
 struct Settings(Vec<(&'static str, String)>);
 
@@ -116,14 +116,14 @@ impl Settings {
     }
 }
 
-/// A flight with everything that its photographs have in common.
+/// A flight, with everything that its photographs have in common.
 pub(crate) struct Flown {
     settings: Settings,
     /// Strokes of the word, with the flight or its light.
     shoot: Shoot,
     /// Times of the first and the last light command, in s.
     lit_s: [f64; 2],
-    /// Fault of the flight. Empty if there is none.
+    /// Fault of the flight, or an empty text if there is none.
     pub(crate) fault: &'static str,
     pub(crate) severity: f64,
 }
@@ -150,7 +150,7 @@ pub(crate) fn single_fault(rng: &mut Rng) -> [&'static str; 2] {
     }
 }
 
-/// Draws a fault of a flight with probability `p`, or none.
+/// Draws a fault of the flight with probability `p`, and otherwise none.
 pub(crate) fn fault_of_flight(rng: &mut Rng, p: f64) -> &'static str {
     if rng.chance(p) { rng.pick(&FLIGHT_FAULTS) } else { "" }
 }
@@ -164,7 +164,7 @@ fn gusts(settings: &mut Settings, speed_m_s: f64) {
     settings.set("air.gusts.sigma_m_s", format!("{:?}", [speed_m_s; 3]));
 }
 
-/// Flies a word in a random way, with a fault. `faces` are the typefaces from which one is drawn.
+/// Flies a word with random settings and a fault. A typeface is drawn from `faces`.
 pub(crate) fn fly(
     rng: &mut Rng,
     word: &str,
@@ -173,7 +173,7 @@ pub(crate) fn fly(
 ) -> Result<Flown> {
     let u = rng.unit();
     let mut s = Settings::default();
-    // The gusts of a room in the presets are turned off.
+    // The presets' gusts of a room are turned off.
     s.set("air.gusts.kind", "none");
     let preset =
         rng.pick(&["ae483-2022", "ae483-2022", "cf21", "cf21", "cf21-thrust-kit", "cf-brushless"]);
@@ -203,10 +203,10 @@ pub(crate) fn fly(
         s.set("plan.style.step_m", 0.2 * cap_m);
     } else {
         s.set("plan.style", "even");
-        // A hover of 0.5 s was the default when the readers read the photographs.
+        // A hover of 0.5 s was the default when the readers were shown the photographs.
         s.set("plan.style.hover_s", 0.5);
     }
-    // The planner knows the drone's lag in some flights, and not in others.
+    // The planner knows the drone's lag in only some of the flights.
     if fault == "lag" || rng.chance(0.5) {
         s.set("plan.reference", "design");
         s.set("plan.light_clock", rng.pick(&["setpoint", "light"]));
@@ -278,7 +278,7 @@ pub(crate) fn fly(
 }
 
 impl Flown {
-    /// Lights the lamps once for all photographs, in one color.
+    /// Computes the light of the lamps once for all photographs, in one color.
     pub(crate) fn light(&mut self, rng: &mut Rng) -> Result<()> {
         self.shoot.scene = self.settings.scene()?;
         self.shoot.scene.light.fixtures = Some(lamps(rng, &self.shoot.scene));
@@ -305,7 +305,7 @@ fn lamps(rng: &mut Rng, scene: &Scene) -> Vec<Fixture> {
     lamps
 }
 
-/// Removes a run of light commands from each letter.
+/// Removes consecutive light commands from each letter.
 fn lose_light(plan: &mut Plan, share: f64, rng: &mut Rng) {
     let commands = plan.commanded();
     let letters = plan.setpoints.iter().filter_map(|setpoint| setpoint.letter).max();

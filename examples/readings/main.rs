@@ -1,11 +1,10 @@
-//! Generates photographs and strips of light for the reader from random seeds, in one process.
+//! Generates photographs and strips of light for the reader from random seeds, in a single process.
 //!
 //! - `strips OUT WORDS FACES... [--first 0 --count 1000]` appends strips of photographs, two per
-//!   flight, for the training of the network. Each strip has its labels, its width and its bytes.
-//! - `photos OUT WORDS FACES... [--first 0 --count 320]` writes photographs for readers, with their
-//!   scenes and truth.json. Each word is used once.
-//! - `clean OUT WORDS` photographs each word in the default scene in two sizes, for the
-//!   calibration.
+//!   flight, for training the network. A strip consists of its labels, its width and its bytes.
+//! - `photos OUT WORDS FACES... [--first 0 --count 320]` writes photographs for readers, their
+//!   scenes, and truth.json. Each word is used once.
+//! - `clean OUT WORDS` photographs each word in the default scene in two sizes for calibration.
 //! - `verdicts OUT` prints a line for each photograph of OUT/truth.json, for the calibration. The
 //!   line contains the name, the expected word, the readability, ln p of each letter, the word of
 //!   the best letters, the rival and its probability, and the blind reading.
@@ -36,11 +35,10 @@ use unicode_normalization::UnicodeNormalization;
 /// Characters in the order of their labels in the network's strips. The label of *no letter* is 63.
 const CHARACTERS: &str = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789";
 
-/// Number of photographs of each flight for the training.
+/// Number of photographs of each flight for training.
 const PHOTOS_OF_FLIGHT: usize = 2;
 
-/// Number of picture sizes for the training, the smaller ones, because its strips are only 40
-/// pixels high.
+/// Number of picture sizes for training. Strips are only 40 pixels high, so small pictures suffice.
 const N_SMALL: usize = 7;
 
 /// Words, typefaces, and the range of seeds.
@@ -82,7 +80,7 @@ fn parse(args: &[String]) -> Args {
     }
 }
 
-/// Returns a word mostly in capitals, or else capitalized or in lowercase.
+/// Returns a word, usually in capitals, and otherwise capitalized or in lowercase.
 fn in_some_case(rng: &mut Rng, word: &str) -> String {
     match rng.unit() {
         p if p < 0.5 => word.to_uppercase(),
@@ -91,7 +89,8 @@ fn in_some_case(rng: &mut Rng, word: &str) -> String {
     }
 }
 
-/// Writes strips of flights with any faults, half of which show words and half random characters.
+/// Writes strips of flights with all kinds of faults. Half of the flights show words, and half
+/// random characters.
 fn strips(out: &Path, args: &Args) -> Result<()> {
     let file = File::options().create(true).append(true).open(out);
     let mut out = std::io::BufWriter::new(file.expect("a file that can be written"));
@@ -107,7 +106,7 @@ fn strips(out: &Path, args: &Args) -> Result<()> {
         };
         let text = if rng.chance(0.06) { accented(rng, &text) } else { text };
         let fault = draw::fault_of_flight(rng, 0.75);
-        // A flight whose drone is lost, or whose word the camera does not see, is skipped.
+        // A flight is skipped if its drone is lost or the camera does not see its word.
         let Ok(mut flown) = draw::fly(rng, &text, &args.faces, fault) else { continue };
         flown.light(rng)?;
         let reader = flown.reader()?;
@@ -124,7 +123,7 @@ fn strips(out: &Path, args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// Returns a text with marks above and below some of its letters, which the reader reads as the
+/// Returns a text with diacritical marks on some of its letters, which the reader reads as the
 /// unmarked letters.
 fn accented(rng: &mut Rng, text: &str) -> String {
     let marks =
@@ -150,7 +149,7 @@ fn records(reader: &Reader, taken: &Taken, text: &str) -> Result<Vec<Vec<u8>>> {
     Ok(strips.into_iter().map(record).collect())
 }
 
-/// Writes photographs with at most one fault each, of which two in seven show random characters.
+/// Writes photographs with at most one fault each. Two in seven show random characters.
 fn photos(out: &Path, args: &Args) -> Result<()> {
     let mut words = args.words.iter();
     let (mut rows, mut names): (Vec<String>, Vec<u64>) = (Vec::new(), (1..=args.count).collect());

@@ -10,7 +10,7 @@ use crate::scene::Scene;
 use noctograph_core::diagnostic::Change;
 use noctograph_core::settings::{Described, paths};
 
-/// Scene keys that have a flag of their own: key, flag, and the name of the flag's value.
+/// Scene keys that have a separate flag, each with the flag and the name of the flag's value.
 const OF_KEYS: [(&str, &str, &str); 8] = [
     ("expose.room_m", "--room", "WxDxH"),
     ("letters.font", "--font", "NAME"),
@@ -22,7 +22,7 @@ const OF_KEYS: [(&str, &str, &str); 8] = [
     ("word", "--word", "WORD"),
 ];
 
-/// Writes a change of the scene for use in a sentence: as a flag, or as `key = value`.
+/// Formats a change of the scene for use in a sentence, as a flag or as `key = value`.
 pub(super) fn mentioned(change: &Change) -> String {
     match OF_KEYS.iter().find(|(key, ..)| *key == change.key) {
         Some((_, flag, takes)) => format!("{flag} {}", change.value.as_deref().unwrap_or(takes)),
@@ -30,9 +30,9 @@ pub(super) fn mentioned(change: &Change) -> String {
     }
 }
 
-/// Writes changes of the scene as command-line arguments.
+/// Formats changes of the scene as command-line arguments.
 pub(super) fn typed(changes: &[Change]) -> String {
-    // --size sets width and height together. Any other key has its own flag or is set by --set.
+    // --size sets width and height together. Any other key is set by a separate flag or by --set.
     if let [Change { key, value: Some(width) }, height] = changes
         && key == "camera.width_px"
     {
@@ -50,7 +50,7 @@ pub(super) fn typed(changes: &[Change]) -> String {
     changes.iter().map(flag_or_setting).collect::<Vec<_>>().join(" ")
 }
 
-/// Flags that resolve an error: code or key of the error, flag, and its effect.
+/// Flags that resolve an error, each with the error's code or key, and the flag's effect.
 const FLAGS: [(&str, &str, &str); 19] = [
     (
         "letter-missing",
@@ -96,8 +96,8 @@ pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
         let flag = format!("--{}", flag.split(' ').next().unwrap_or_default());
         typed_words().any(|word| word == flag || word.starts_with(&format!("{flag}=")))
     }
-    // Special flags come before the flag that sets the key. A flag that was typed is left out,
-    // because it did not help.
+    // Special flags come before the flag that sets the key. A flag that the user already typed is
+    // left out, because it did not help.
     let special = FLAGS
         .iter()
         .filter(|(name, flag, _)| [code, path].contains(name) && has(flag) && !is_typed(flag));

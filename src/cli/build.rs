@@ -4,7 +4,7 @@
 use std::path::Path;
 use std::process::Command;
 
-/// Number of hexadecimal digits of the commit that the program shows.
+/// Number of hexadecimal digits to show of the commit.
 const DIGITS: usize = 12;
 
 fn main() {

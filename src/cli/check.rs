@@ -1,5 +1,4 @@
-//! `noctograph check` tells whether a word or a plan is safe to fly. The exit code is 1 if it is
-//! not.
+//! `noctograph check` reports whether a word or plan is safe to fly, and exits with 1 if not.
 
 use super::flags::{ProfileFlags, SubjectFlags};
 use super::outcome::Report;
@@ -56,7 +55,7 @@ pub(super) fn run(args: &CheckArgs) -> Result<Report> {
     Ok(report.passes(!stops))
 }
 
-/// Returns the number of findings of a severity as words, or `None` if there are none.
+/// Returns the number of findings of a severity as text, or `None` if there are none.
 fn counted(
     findings: &[Diagnostic],
     severity: Severity,

@@ -1,5 +1,4 @@
-//! `noctograph compare` measures the distances between two flights, and between each flight and its
-//! design.
+//! `noctograph compare` measures the distance between two flights, and of each from its design.
 
 use std::path::{Path, PathBuf};
 
@@ -22,13 +21,13 @@ use serde_json::{Value, json};
 pub(super) struct CompareArgs {
     /// Flight or log A, such as a simulated flight
     a: PathBuf,
-    /// Flight or log B, which is compared with A, such as a real flight
+    /// Flight or log B to compare with A, such as a real flight
     b: PathBuf,
     /// Part of both flights to compare
     #[arg(long, value_name = "PART", default_value = "airborne", value_parser = named::<Part>())]
     part: Part,
-    /// Curve by which B's clock is aligned: the setpoints (design), or the flown path for a log of
-    /// a plan whose setpoints are sent ahead (plan.reference = "inverse")
+    /// Curve by which B's clock is aligned, which is the setpoints (design), or the flown path if
+    /// the log's plan sends setpoints ahead (plan.reference = "inverse")
     #[arg(long, value_name = "BY", default_value = "design", value_parser = ["design", "flown"])]
     align: String,
     /// Seconds to add to B's clock, in place of --align
@@ -45,7 +44,7 @@ pub(super) struct CompareArgs {
     output: Option<PathBuf>,
 }
 
-/// RMS distance, in m, below which two flights count as equal: a third of a lamp's width.
+/// RMS distance, in m, below which two flights count as equal. It is a third of a lamp's width.
 const ALIKE_M: f64 = 0.001;
 
 const FILES: [&str; 3] = ["flight-xy.svg", "flight-xz.svg", "error.svg"];
@@ -78,8 +77,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report> {
         let (cause, change) = in_words(cause);
         json!({ "cause": cause, "change": change, "share": fraction })
     });
-    // The JSON object contains the comparison, and the tracking error of each flight against its
-    // own design.
+    // The JSON object contains the comparison and each flight's tracking error.
     let mut product = json!(comparison);
     product["a"] = side(&args.a, &a, &tracking[0]);
     product["b"] = side(&args.b, &b, &tracking[1]);
@@ -87,8 +85,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report> {
     let sides = sides.into_iter().filter(|(_, tracking)| !tracking.is_null());
     let side = |(name, tracking)| json!({ "name": name, "tracking": tracking });
     let sides: Vec<_> = sides.map(side).collect();
-    // In addition to the three axes, the table of errors has a column for the error in the plane of
-    // writing.
+    // In addition to the three axes, the table of errors has a column for the word's plane.
     let mut errors = vec![json!({ "name": "A against B", "m": product["rmse_m"] })];
     for (key, what) in [
         ("rmse_m", "against its design"),
@@ -100,7 +97,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report> {
             errors.push(json!({ "name": name, "m": side["tracking"][key] }));
         }
     }
-    // The error in the plane of writing combines x and z.
+    // The error in the word's plane combines x and z.
     for error in &mut errors {
         let [x, z] = [0, 2].map(|axis| error["m"][axis].as_f64().unwrap_or_default());
         error["in_plane_m"] = libm::hypot(x, z).into();
@@ -145,8 +142,7 @@ change    {cause.change}
 
 ";
 
-/// Reads both flights. `--clock-ratio` corrects the drone's clock, so that it applies to only one
-/// of two logs.
+/// Reads both flights. `--clock-ratio` corrects a drone's clock, so it applies to only one.
 fn read(args: &CompareArgs, options: &ComparisonOptions) -> Result<[Flight; 2]> {
     let position = args.position_b.unwrap_or(args.flights.position);
     let flags = [args.flights.clone(), FlightFlags { position, ..args.flights.clone() }];
@@ -157,12 +153,12 @@ fn read(args: &CompareArgs, options: &ComparisonOptions) -> Result<[Flight; 2]> 
     fn as_stamped(flags: &FlightFlags, path: &Path) -> Result<Flight> {
         import(path, &FlightFlags { clock_ratio: Some(1.0), ..flags.clone() }.options(None))
     }
-    // Each file is read twice, with and without the ratio. If both results are equal, the file is a
-    // flight instead of a log, and its times do not come from a drone's clock.
+    // Each file is read with and without the ratio. If the results are equal, the file is a flight
+    // instead of a log, and its times do not come from a drone's clock.
     let [a_stamped, b_stamped] = [as_stamped(&flags[0], &args.a)?, as_stamped(&flags[1], &args.b)?];
     let [a, b] = both;
-    // Only a log from a drone contains motors, rates, estimates or setpoints, whereas motion
-    // capture logs only poses.
+    // Only a drone's log contains motor commands, rates, estimates or setpoints. A motion capture
+    // system logs only poses.
     fn of_drone(flight: &Flight) -> bool {
         let inside = [Quantity::Motors, Quantity::Rate, Quantity::Estimate, Quantity::Design];
         inside.iter().any(|quantity| flight.has(*quantity))
@@ -196,8 +192,8 @@ fn read(args: &CompareArgs, options: &ComparisonOptions) -> Result<[Flight; 2]> 
     Ok(flights)
 }
 
-/// Smallest ratio of the two RMS distances at which the better fit decides to which log the clock
-/// ratio applies.
+/// Smallest ratio of the two RMS distances at which the better fit determines the log to which the
+/// clock ratio applies.
 const CLEARLY: f64 = 1.5;
 
 fn plots(
@@ -209,7 +205,7 @@ fn plots(
     // B is drawn on A's clock and in A's frame.
     let clocks = [(&args.a, 'A', 0.0), (&args.b, 'B', comparison.offset_s)];
     let mut traces = Vec::new();
-    // Plots name a flight by its letter and its file.
+    // Plots label a flight with its letter and its file name.
     for (flight, (path, letter, offset_s)) in flights.into_iter().zip(clocks) {
         let mut samples = comparison.part.samples(flight)?;
         samples.iter_mut().for_each(|sample| sample.time_s += offset_s);
@@ -226,9 +222,9 @@ fn plots(
     folder.keep()
 }
 
-/// Returns a sentence about a cause of the difference, and a suggested change.
+/// Describes a cause of the difference in a sentence, and returns it with a suggested change.
 fn in_words(cause: Discrepancy) -> (String, &'static str) {
-    // All sentences describe flight B relative to flight A.
+    // Each sentence describes flight B relative to flight A.
     match cause {
         Discrepancy::Lag(s) if s > 0.0 => (
             format!("B is {s:.2} s behind A"),

@@ -1,5 +1,5 @@
-//! `noctograph compare-photo` aligns a render with a real photograph by their letters, and shows
-//! the difference.
+//! `noctograph compare-photo` aligns a render with a real photo by their letters and shows the
+//! difference.
 
 use std::path::PathBuf;
 
@@ -26,8 +26,7 @@ pub(super) struct ComparePhotoArgs {
     output: PathBuf,
 }
 
-/// Longest side of the compared photograph, in pixels. A larger picture is scaled down to this
-/// size.
+/// Longer side, in pixels, to which larger photographs are scaled down for the comparison.
 const LONGEST_PX: u32 = 2048;
 
 pub(super) fn run(args: &ComparePhotoArgs) -> Result<Report> {
@@ -77,7 +76,7 @@ FLIP      {mean_flip:.3}, mean difference over the render
 ///
 /// # Errors
 ///
-/// [`Error::Infeasible`] if the pictures do not show equally many letters.
+/// [`Error::Infeasible`] if the two pictures show different numbers of letters.
 fn corners(render: &[ReadLetter], photo: &[ReadLetter]) -> Result<Vec<[[f64; 2]; 2]>> {
     // Letters are paired in reading order, which requires the same number of letters in both
     // pictures.

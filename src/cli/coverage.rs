@@ -20,7 +20,7 @@ use serde_json::json;
 
 /// Margin around the word in the map, in m.
 const MARGIN_M: f64 = 0.5;
-/// Region of the map for a scene without a word: left, bottom, right and top, in m.
+/// Bounds of the map for a scene without a word, in the order left, bottom, right, top, in m.
 const ROOM_M: [f64; 4] = [-1.5, 0.0, 1.5, 2.0];
 
 #[derive(Debug, Args)]
@@ -28,7 +28,7 @@ pub(super) struct CoverageArgs {
     /// Word at the center of the map [default: the scene's]
     #[arg(conflicts_with = "drawing")]
     word: Option<String>,
-    /// The word, even if a file has this name
+    /// Word at the center of the map, even if a file has this name
     #[arg(long = "word", value_name = "WORD", conflicts_with_all = ["word", "drawing"])]
     as_word: Option<String>,
     #[command(flatten)]
@@ -38,10 +38,10 @@ pub(super) struct CoverageArgs {
     /// Left, bottom, right and top of the map, in meters [default: half a meter around the word]
     #[arg(long, value_name = "L,B,R,T", value_parser = rectangle, allow_hyphen_values = true)]
     bounds: Option<[f64; 4]>,
-    /// Depth (y) of the plane of the map, in meters. The word is written at 0
+    /// Depth (y) of the map's plane, in meters. The word is written at 0
     #[arg(long, value_name = "Y", default_value = "0", allow_hyphen_values = true)]
     depth: f64,
-    /// Distance between two points of the map, in meters
+    /// Distance between neighboring points of the map, in meters
     #[arg(long, value_name = "M", default_value = "0.05")]
     step: f64,
     /// Map to write (SVG)
@@ -54,7 +54,7 @@ pub(super) fn run(args: &CoverageArgs) -> Result<Report> {
     if let Some(word) = typed_word(args.word.as_ref(), args.as_word.as_ref())? {
         set_word(&mut scene, word);
     }
-    // Ranging gets a bound along the word, and Lighthouse a map of the plane of writing.
+    // Ranging yields an error bound along the word, and Lighthouse a map of the word's plane.
     if scene.sensors.positioning.is_by_ranges() {
         return along_the_word(args, scene);
     }
@@ -72,8 +72,8 @@ pub(super) fn run(args: &CoverageArgs) -> Result<Report> {
         .with_files(&[path]))
 }
 
-/// Reports the Cramér–Rao bound of the position along the flights that write a word, and the best
-/// position for one more anchor.
+/// Reports the Cramér–Rao bound of the position error along the flights that write a word, and the
+/// best position for an additional anchor.
 fn along_the_word(args: &CoverageArgs, scene: Scene) -> Result<Report> {
     let output = Output::create(&args.output)?;
     let shoot = Shoot::new(scene)?;
@@ -88,7 +88,7 @@ fn along_the_word(args: &CoverageArgs, scene: Scene) -> Result<Report> {
     let mut letters = Vec::new();
     let strokes = shoot.strokes.iter();
     for (letter, glyph) in strokes.clone().flat_map(|strokes| &strokes.glyphs).enumerate() {
-        // In a drawing, the strokes of each color take the place of a letter.
+        // In a drawing, the strokes of each color are treated as a letter.
         let name = match strokes.clone().any(|strokes| !strokes.word.is_empty()) {
             true => glyph.character.to_string(),
             false => (letter + 1).to_string(),
@@ -121,8 +121,7 @@ advice    one more anchor that all drones hear helps most at ({one_more_anchor.p
 
 /// Returns the report on a coverage map of base stations.
 fn coverage_report(grid: &Coverage, n_stations: usize, bounds_m: [f64; 4]) -> Report {
-    // `errors_m` is sorted and contains only the errors of points that two stations see, so that it
-    // may be empty.
+    // `errors_m` contains the sorted errors at points that two stations see, if any.
     let errors_m = grid.errors_m();
     let quantile_m =
         |percent: usize| Some(errors_m[errors_m.len().checked_sub(1)? * percent / 100]);

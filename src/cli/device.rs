@@ -11,12 +11,11 @@ use crate::error::{Error, Result};
 use crate::expose::BackendChoice;
 use noctograph_core::digest::sha256;
 
-/// Time after which the driver counts as hung. The time is generous, because a software driver on a
-/// busy machine needs several seconds to compile the shader.
+/// Time after which the driver counts as hung. It is long, because a software driver on a busy
+/// machine takes several seconds to compile the shader.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// Fault that is reported if no process can be started. Unlike a fault of the driver it is not
-/// cached.
+/// Fault that is reported if no process can be started. Unlike a driver's fault, it is not cached.
 const UNTRIED: &str = "cannot be tried in a separate process";
 
 /// Arguments of the process that tests the driver.
@@ -31,8 +30,8 @@ const VARIABLES: [&str; 5] = [
     "LD_LIBRARY_PATH",
 ];
 
-/// Paths that change when a driver is installed: the folders of Vulkan's driver lists, and the file
-/// with the version of macOS, which includes the drivers.
+/// Paths that change when a driver is installed. These are the folders of Vulkan's driver
+/// manifests, and the file with the version of macOS, which includes the drivers.
 const LISTS: [&str; 4] = [
     "/etc/vulkan/icd.d",
     "/usr/share/vulkan/icd.d",
@@ -61,14 +60,13 @@ pub(super) fn tried(choice: BackendChoice) -> Result<BackendChoice> {
         let fault = program.ok().and_then(|mut program| fault(program.args(TRIAL), PATIENCE));
         let fault = fault.unwrap_or_default();
         if let Some(path) = memory.as_ref().filter(|_| fault != UNTRIED) {
-            // If the result cannot be cached, the next run tests the driver again.
+            // If the result cannot be cached, the driver is tested again in the next run.
             let _ = path.parent().map(std::fs::create_dir_all);
             let _ = std::fs::write(path, fault);
         }
         fault.to_owned()
     });
-    // With `auto` the CPU replaces a faulty driver. With `--backend wgpu` a faulty driver is an
-    // error.
+    // If the driver is faulty, `auto` selects the CPU, and `--backend wgpu` fails.
     let is_chosen = choice == BackendChoice::Wgpu;
     if fault.is_empty() || is_chosen && fault == UNTRIED {
         return Ok(choice);
@@ -86,8 +84,8 @@ pub(super) fn tried(choice: BackendChoice) -> Result<BackendChoice> {
     Ok(BackendChoice::Cpu)
 }
 
-/// Runs the test process and returns the driver's fault, if any. A missing driver does not count as
-/// a fault, and neither does an error that the driver reports.
+/// Runs the test process and returns the driver's fault, if any. Neither a missing driver nor an
+/// error that the driver reports counts as a fault.
 fn fault(trial: &mut Command, patience: Duration) -> Option<&'static str> {
     // The loop polls, because std cannot wait for a process with a time limit.
     let quiet = trial.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
@@ -102,13 +100,13 @@ fn fault(trial: &mut Command, patience: Duration) -> Option<&'static str> {
         }
     }
     let _ = child.kill();
-    // A process that hangs in the kernel may never end, so this does not wait for its end.
+    // The end is not awaited, because a process that hangs in the kernel may never end.
     let _ = child.try_wait();
     Some("hangs")
 }
 
 /// True if the test process ended with a report or an error message. A crash yields no exit code on
-/// Unix and a code such as -1073741819 on Windows, and a panic yields the code 101.
+/// Unix, and a code such as -1073741819 on Windows. A panic yields the code 101.
 fn ended_by_itself(code: Option<i32>) -> bool {
     matches!(code, Some(0 | 2))
 }
@@ -130,7 +128,7 @@ fn cache(system: &str, variable: impl Fn(&str) -> Option<OsString>) -> Option<Pa
 fn memory() -> Option<PathBuf> {
     let variable = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
     let folder = cache(std::env::consts::OS, variable)?;
-    // The cache file is named after a digest of everything that changes when drivers change.
+    // The name of the cache file is a digest of everything that changes when drivers change.
     let mut drivers = env!("CARGO_PKG_VERSION").to_owned();
     for name in VARIABLES {
         drivers += &format!("\n{name}={:?}", variable(name));

@@ -1,4 +1,4 @@
-//! `noctograph import` of a folder writes a page and a conditions file from the logs of an evening.
+//! With a folder, `noctograph import` writes a page and a conditions file from an evening's logs.
 
 use std::path::Path;
 
@@ -56,7 +56,7 @@ pub(super) fn run(
     let names: Vec<&str> = evening.logs.iter().map(|log| log.log.as_str()).collect();
     let words = json!({
         "folder": folder.display().to_string(), "n_logs": evening.logs.len(), "advice": advice,
-        // Names are shortened so that rows fit into 80 columns.
+        // File names are shortened so that the rows fit into 80 columns.
         "n_sound": evening.sound().count(), "files": shortened(&names, 16),
         "flawed": flawed.collect::<Vec<_>>(),
         "none": rows.is_empty().then_some("no log is valid"),
@@ -100,7 +100,7 @@ fn advice_of(mean: &MeanDrone, vehicle: &VehicleOptions) -> Vec<String> {
         "your drones' center of mass is at ({x_mm:+.1}, {y_mm:+.1}) mm: \
          `--set vehicle.center_of_mass_m=[{x:.4},{y:.4}]`"
     );
-    // The mean drone has exactly the scene's value of a figure that does not differ significantly.
+    // Where the logs show no significant difference, the mean drone has exactly the scene's value.
     let is_off = [k_f_n != vehicle.k_f_n, [x, y] != vehicle.center_of_mass_m];
     is_off.into_iter().zip([thrust, trim]).filter_map(|(is, said)| is.then_some(said)).collect()
 }

@@ -1,4 +1,4 @@
-//! `noctograph export` writes plans in formats for drones and other programs.
+//! `noctograph export` writes plans in the formats of drones and of other programs.
 
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
@@ -26,16 +26,15 @@ use serde_json::json;
 pub(super) struct ExportArgs {
     #[command(flatten)]
     subject: SubjectFlags,
-    /// Form of the files
+    /// Format of the files
     #[arg(long, value_name = "FORMAT", value_parser = named::<Format>())]
     to: Format,
-    /// Largest distance of a trajectory from the design, in millimeters [default: 2, or 5 for
+    /// Maximum distance between trajectory and design, in millimeters [default: 2, or 5 for
     /// polynomials]
     #[arg(long, value_name = "MM")]
     tolerance: Option<f64>,
-    /// Setpoints that the script for cflib sends, unless the script itself is started with --mode
-    /// [default: those that `check` flies, full states for controllers that follow the design's
-    /// motion]
+    /// Setpoints that the cflib script sends, unless it is itself started with --mode [default:
+    /// those that `check` simulates, full states for controllers that follow the design's motion]
     #[arg(long, value_name = "NAME", value_parser = named::<Mode>())]
     mode: Option<Mode>,
     #[command(flatten)]
@@ -141,7 +140,7 @@ note      {note}
 deviation\tup to {deviation_mm:.1} mm from the design
 ";
 
-/// Refuses plans of an unknown room, because their fence would be a guess.
+/// Refuses plans whose room is unknown, because the limits of their geofence would be a guess.
 fn check_room(args: &ExportArgs, profile: &Profile) -> Result<()> {
     let has_walls = profile.name != Profile::outdoor().name;
     let plans = args.subject.plans()?.filter(|_| has_walls && profile.room_m.is_none());
@@ -152,7 +151,7 @@ fn check_room(args: &ExportArgs, profile: &Profile) -> Result<()> {
     Err(Error::input(plan.display(), actual, wanted, hint))
 }
 
-/// Prints the warnings of an exported flight, and returns the findings that stop it.
+/// Prints the warnings about an exported flight, and returns the findings that stop it, if any.
 fn warned(args: &ExportArgs, shoot: &Shoot, checks: &[Diagnostic]) -> Option<String> {
     if !shoot.designs.is_empty() {
         warn_of_trailing(shoot);
@@ -174,7 +173,7 @@ fn warned(args: &ExportArgs, shoot: &Shoot, checks: &[Diagnostic]) -> Option<Str
     findings::stops(checks)
 }
 
-/// Warns of a controller that does not follow the motion of a trajectory.
+/// Warns if the controller does not follow the motion of a trajectory.
 pub(super) fn warn_of_trailing(shoot: &Shoot) {
     if !shoot.scene.controller.kind.follows_reference() {
         warn(["this controller tracks positions, and lags behind a trajectory on board: look \

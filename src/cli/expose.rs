@@ -1,4 +1,4 @@
-//! `noctograph expose` makes the long-exposure photograph of flights.
+//! `noctograph expose` takes the long-exposure photograph of flights.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -32,13 +32,14 @@ pub(super) struct ExposeArgs {
     /// rewritten up to twice a second, until the flights end or Ctrl-C is pressed
     #[arg(long, conflicts_with = "backend")]
     follow: bool,
-    /// Plan of the flights, with which --follow prints after each letter how the photo reads so far
+    /// Plan of the flights. With it, --follow prints the reading of the photo after each letter
     #[arg(long, value_name = "FILE", requires = "follow")]
     plan: Option<PathBuf>,
     #[command(flatten)]
     flight: FlightFlags,
-    /// Word that the flights write. The camera frames it, the photo names it, and a log without
-    /// lights gets the lights of this word [default: the scene's, or the letters of the flights]
+    /// Word that the flights write. The camera frames it, the photo's scene contains it, and the
+    /// lights of a log without lights are inferred from it [default: the scene's, or the letters of
+    /// the flights]
     #[arg(long, value_name = "WORD")]
     word: Option<String>,
     /// Show the lamps of a log without lights lit from take-off to landing
@@ -62,12 +63,12 @@ pub(super) fn run(args: &ExposeArgs) -> Result<Report> {
     if args.follow {
         return follow_logs(args);
     }
-    // The graphics device gets ready while the flights are read.
+    // The graphics device is prepared while the flights are read.
     let developer = Developer::start(tried(args.picture.backend)?);
     let (scene, format) = (args.scene()?, args.format()?);
     let output = Output::create(&args.output)?;
     let shoot = args.flight.shoot(scene, args.word.as_deref(), &args.flights, args.lit)?;
-    // `expose` does not judge the photo, because `score` does that.
+    // `expose` does not judge the photo, which is the task of `score`.
     let (format, judging) = (Some(format), Judging::Skipped);
     let shoot = Shoot { format, judging, keeps_film: false, ..shoot };
     let shot = shoot.take_by(developer, &watch())?;
@@ -89,7 +90,7 @@ fn follow_logs(args: &ExposeArgs) -> Result<Report> {
     let plan = args.plan.as_deref();
     let mut letters = plan.map(|plan| Letters::new(plan, &scene, logs.len())).transpose()?;
     let (mut film, mut noted) = (GrowingFilm::default(), BTreeSet::new());
-    // With a single thread, the measured duration of the work equals its processor time.
+    // With a single thread, the measured duration of the work equals the processor time it takes.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().ok();
     let (shot, path) = follow(logs, |logs| {
         let shoot = args.shoot_logs(scene.clone(), logs, &mut noted)?;
@@ -116,7 +117,7 @@ fn follow_logs(args: &ExposeArgs) -> Result<Report> {
     Ok(report)
 }
 
-/// Returns the content of the photo's file.
+/// Returns the bytes of the photo's file.
 fn file_of(shot: &Shot) -> &[u8] {
     shot.file.as_deref().expect("a format was asked for")
 }
@@ -155,8 +156,7 @@ impl ExposeArgs {
     /// Prints warnings about a shot, and returns its report. `path` is the photo's file.
     fn report(&self, shot: Shot, path: PathBuf) -> Report {
         warn(shot.problems.iter().map(|problem| problem.sentence(mentioned)));
-        // A light trace needs no word for its colors, because it contains them, and then has no
-        // flights.
+        // A light trace contains its own colors and needs no word. It yields no flights.
         if !shot.shoot.scene.has_strokes() && !shot.flights.is_empty() && !self.lit {
             let note =
                 "the photo contains no word: pass one with --word, or after the photo in `score`";

@@ -1,4 +1,4 @@
-//! Flags of several verbs, and the scene or plans that they select.
+//! Flags of several verbs, and the scenes and plans that these flags select.
 
 use std::path::{Path, PathBuf};
 
@@ -16,7 +16,7 @@ use crate::shoot::{DesignCheck, Shoot};
 use clap::Args;
 use noctograph_core::files::{Limit, file_name, files_in, is_file_name};
 
-/// Limit on the total size of plans that fly together. A plan takes about 6 MB per hour of flight.
+/// Limit on the total size of plans that fly together. An hour of flight takes about 6 MB.
 const PLANS: Limit = Limit {
     bytes: 64 << 20,
     what: "plans",
@@ -53,14 +53,13 @@ pub(super) struct SceneFlags {
 }
 
 impl SceneFlags {
-    /// Returns the scene with the settings of these and of other flags. Without `--scene` this
-    /// scene is the one that belongs to the files, which are plans, flights or logs.
+    /// Returns the scene with the settings of these and of other flags. Without `--scene`, it is
+    /// the scene that belongs to the files, which are plans, flights or logs.
     pub(super) fn load(&self, files: &[PathBuf], more: &[Setting]) -> Result<Scene> {
         self.load_from(self.carried(files)?.as_ref(), more, &[])
     }
 
-    /// Does the same as [`load`](Self::load) for a verb that uses keys which have no effect in a
-    /// flight.
+    /// Loads a scene like [`load`](Self::load), for a verb that uses more keys than a flight.
     pub(super) fn load_from(
         &self,
         carried: Option<&CarriedScene>,
@@ -68,8 +67,8 @@ impl SceneFlags {
         used: &[&str],
     ) -> Result<Scene> {
         let settings = [more, &self.set.set].concat();
-        // A scene named by `--scene` takes precedence over the scene of the files, and that over
-        // the default.
+        // A scene named by `--scene` takes precedence over the scene of the files, which takes
+        // precedence over the default.
         let mut scene = match (&self.scene, carried) {
             (Some(named), _) => find_scene(named, &settings)?.scene,
             (None, Some(carried)) => {
@@ -83,8 +82,8 @@ impl SceneFlags {
         Ok(scene)
     }
 
-    /// Returns the one scene that belongs to the files. If a scene is named by `--scene` and the
-    /// files belong to several scenes, prints a warning and returns none.
+    /// Returns the single scene that belongs to the files. If `--scene` names a scene and the files
+    /// belong to different ones, prints a warning and returns `None`.
     pub(super) fn carried(&self, files: &[PathBuf]) -> Result<Option<CarriedScene>> {
         match CarriedScene::of_all(files) {
             Err(_) if self.scene.is_some() => {
@@ -103,8 +102,8 @@ impl SceneFlags {
         self.set.set.iter().any(|(typed, _)| typed == key)
     }
 
-    /// Returns the named scene, or else the scene of a text. `check` may refuse the scene of the
-    /// text before any file that it names is opened.
+    /// Returns the named scene, or else the scene in a text. `check` may refuse the text's scene
+    /// before any file that it names is opened.
     pub(super) fn load_or(
         &self,
         toml: &str,
@@ -121,8 +120,8 @@ impl SceneFlags {
         Ok(scene)
     }
 
-    /// Takes base stations from `--lighthouse`, checks the scene, resolves its files, and warns of
-    /// keys without effect, except for the keys in `used`.
+    /// Sets the base stations from `--lighthouse`, checks the scene, resolves its file names, and
+    /// warns of keys without effect, except for those in `used`.
     fn finish(&self, scene: &mut Scene, used: &[&str]) -> Result<()> {
         if let Some(path) = &self.lighthouse {
             let config = read_lighthouse_config(path)?;
@@ -141,12 +140,12 @@ pub(super) fn find_scene(named: &str, settings: &[Setting]) -> Result<NamedScene
     Scene::find(named, &borrowed(settings))
 }
 
-/// Borrows settings in the form that [`Scene`] takes.
+/// Borrows settings in the form that [`Scene`] accepts.
 fn borrowed(settings: &[Setting]) -> Vec<(&str, &str)> {
     settings.iter().map(|(key, value)| (key.as_str(), value.as_str())).collect()
 }
 
-/// Flag of the noise seed, which only verbs that simulate noise have.
+/// Flag of the noise seed, for verbs that simulate noise.
 #[derive(Debug, Args)]
 pub(super) struct SeedFlag {
     /// Seed of the noise [default: the scene's]
@@ -155,7 +154,7 @@ pub(super) struct SeedFlag {
 }
 
 impl SeedFlag {
-    /// Returns the seed as a setting of the scene, if it was typed.
+    /// Returns the seed as a setting of the scene, if the user typed one.
     pub(super) fn settings(&self) -> Vec<Setting> {
         self.seed.iter().map(|seed| ("seed".to_owned(), seed.to_string())).collect()
     }
@@ -184,7 +183,7 @@ impl DesignFlags {
         Ok(scene)
     }
 
-    /// Fits the word to the view of a camera inside the room, unless its size was typed.
+    /// Fits the word to the view of a camera inside the room, unless the user typed its size.
     fn fit(&self, scene: &mut Scene) -> Result<()> {
         let is_typed = ["letters.cap_height_m", "letters.canvas_m"].map(|key| self.scene.sets(key));
         match self.letters.room.filter(|_| is_typed == [false; 2]) {
@@ -201,7 +200,7 @@ impl DesignFlags {
         is_planned: bool,
         more: &[Setting],
     ) -> Result<Scene> {
-        // Settings of --set are applied last, so that they override the other flags.
+        // Settings from --set are applied last, so that they override the other flags.
         let is_height_typed = self.scene.sets("letters.cap_height_m");
         let mut settings = self.letters.settings(is_planned, is_height_typed);
         settings.extend(self.style.iter().map(|style| ("plan.style".to_owned(), style.clone())));
@@ -221,14 +220,14 @@ impl DesignFlags {
     }
 }
 
-/// Flags of the subject, which is a word or finished plans, and of its scene.
+/// Flags that select the subject, which is a word or finished plans, and its scene.
 #[derive(Debug, Args)]
 pub(super) struct SubjectFlags {
     /// Word to write, or plans that fly together (*.csv, or their folder) [default: the scene's
     /// word]
     #[arg(value_name = "WORD|PLAN", conflicts_with = "drawing")]
     inputs: Vec<String>,
-    /// Word that the plans write, or the word itself if it is also the name of a file or folder
+    /// Word that the plans write, or a word to write that is also the name of a file or folder
     /// [default: the scene's]
     #[arg(long, value_name = "WORD", conflicts_with = "drawing")]
     word: Option<String>,
@@ -256,15 +255,15 @@ impl SubjectFlags {
         Ok(scene)
     }
 
-    /// Returns the word that was typed, as an argument or with `--word`.
+    /// Returns the word that was typed, either as an argument or with `--word`.
     pub(super) fn typed_word(&self) -> Result<Option<&str>> {
         typed_word(self.inputs.first(), self.word.as_ref())
     }
 
     /// Returns the scene of a word or drawing, ready to be planned. `change` edits the scene last.
     pub(super) fn ready(&self, change: impl FnOnce(&mut Scene) -> Result<()>) -> Result<Scene> {
-        // The word is set before the letters are fitted to the room, because its length determines
-        // their size.
+        // The word is set before the letters are fitted to the room, because the length of the word
+        // determines the size of the letters.
         let mut scene = self.unfitted(None, false)?;
         change(&mut scene)?;
         match self.inputs.as_slice() {
@@ -298,13 +297,13 @@ impl SubjectFlags {
     }
 
     /// Returns the shoot of the word or the plans, ready to fly. `change` edits the scene last. The
-    /// designs of a word have to pass `check` before a flight is rehearsed.
+    /// designs of a word must pass `check` before a flight is rehearsed.
     pub(super) fn shoot(
         &self,
         change: impl FnOnce(&mut Scene) -> Result<()>,
         check: &DesignCheck<'_>,
     ) -> Result<Shoot> {
-        // Plans fly in the scene that belongs to them, and keep their room.
+        // Plans are flown in the scene that belongs to them, and in their room.
         if let Some(plans) = self.plans()? {
             let carried = self.design.scene.carried(&plans)?;
             if let Some(carried) = &carried {
@@ -341,8 +340,7 @@ pub(super) fn frame(scene: &mut Scene) -> Result<()> {
     }
 }
 
-/// Reads plans whose scene has already been read, and checks that plans and scene still belong
-/// together.
+/// Reads plans whose scene has been read, and checks that they still belong together.
 pub(super) fn read_plans(paths: &[PathBuf], carried: Option<&CarriedScene>) -> Result<Vec<Plan>> {
     PLANS.check_all(paths)?;
     let plans = paths.iter().map(|path| Plan::read_csv(path)).collect::<Result<_>>()?;
@@ -350,7 +348,7 @@ pub(super) fn read_plans(paths: &[PathBuf], carried: Option<&CarriedScene>) -> R
     Ok(plans)
 }
 
-/// Warns if the scene contains no digest that proves that it belongs to the file beside it.
+/// Warns if the scene contains no digest to prove that it belongs to the file beside it.
 fn warn_of_unbound(carried: &CarriedScene) {
     if !carried.is_bound {
         warn([format!(
@@ -362,7 +360,7 @@ fn warn_of_unbound(carried: &CarriedScene) {
     }
 }
 
-/// Flag that selects the safety limits of a flight.
+/// Flag that selects a flight's safety limits.
 #[derive(Debug, Args)]
 pub(super) struct ProfileFlags {
     /// Safety limits: indoor (a Crazyflie, 1 m/s), careful (0.5 m/s, at which the word is also
@@ -373,15 +371,15 @@ pub(super) struct ProfileFlags {
 }
 
 impl ProfileFlags {
-    /// Limits the planned speed to that of the profile, unless a speed was typed.
+    /// Limits the planned speed to that of the profile, unless the user typed a speed.
     pub(super) fn slow(&self, subject: &SubjectFlags, scene: &mut Scene) {
         if let Some(profile) = self.limits(subject) {
             profile.slow(scene);
         }
     }
 
-    /// Returns the profile if it limits the speed of a plan, which it does not if a speed was
-    /// typed.
+    /// Returns the profile if it limits the planned speed, which it does unless the user typed a
+    /// speed.
     pub(super) fn limits(&self, subject: &SubjectFlags) -> Option<Profile> {
         let keys = ["plan.style.dark_speed_m_s", "plan.style.acceleration_m_s2"];
         (!keys.iter().any(|key| subject.design.scene.sets(key))).then(|| self.named())
@@ -392,7 +390,7 @@ impl ProfileFlags {
         profile.expect("the parser knows the names")
     }
 
-    /// Returns the profile with its volume limited to the room of a scene.
+    /// Returns the profile with its volume limited to the scene's room.
     pub(super) fn profile(&self, scene: &Scene) -> Profile {
         let profile = self.named();
         match scene.expose.room_m {
@@ -407,7 +405,7 @@ impl ProfileFlags {
 ///
 /// # Errors
 ///
-/// [`Error::Input`] if a number is missing or repeated, because the remaining plans would be a
+/// [`Error::Input`] if a number is missing or repeated, because the remaining plans would form a
 /// different flight.
 fn plans_in(input: &str) -> Result<Vec<PathBuf>> {
     let folder = Path::new(input);
@@ -415,7 +413,7 @@ fn plans_in(input: &str) -> Result<Vec<PathBuf>> {
     let mut plans: Vec<_> =
         files.into_iter().filter_map(|path| Some((drone_number(&path, "plan")?, path))).collect();
     plans.sort();
-    // The sorted numbers have to be 1, 2, 3 and so on.
+    // The sorted numbers must be 1, 2, 3 and so on.
     if let Some((wanted, (_, other))) = (1..).zip(&plans).find(|(n, plan)| *n != plan.0) {
         let (actual, wanted) = (file_name(other), format!("plan-{wanted}.csv first"));
         return Err(Error::input(input, actual, wanted, "list the plans that fly together"));
@@ -436,7 +434,7 @@ pub(super) fn warn_of_fewer_drones(shoot: &Shoot) {
     }
 }
 
-/// Warns of letters that are smaller than requested, because the canvas is too small.
+/// Warns if the letters are smaller than requested because the canvas is too small.
 fn warn_of_smaller_letters(shoot: &Shoot) {
     let Some(strokes) = shoot.strokes.as_ref().filter(|strokes| strokes.font.is_some()) else {
         return;
@@ -451,19 +449,18 @@ fn warn_of_smaller_letters(shoot: &Shoot) {
     }
 }
 
-/// Warns of keys that were set but have no effect, except for the keys in `used`, which the verb
-/// uses.
+/// Warns of keys that were set but have no effect, except for those in `used`.
 pub(super) fn warn_of_unused_keys(scene: &Scene, used: &[&str]) {
     let unused = scene.unused_keys().into_iter().filter(|(key, _)| !used.contains(&key.as_str()));
     warn(unused.map(|(key, why)| format!("{key} has no effect: {why}")));
 }
 
-/// Prints warnings about a file, each with the file's name.
+/// Prints warnings about a file, each preceded by the file's name.
 pub(super) fn warn_of(path: &Path, warnings: &[impl std::fmt::Display]) {
     warn(warnings.iter().map(|warning| format!("{}: {warning}", path.display())));
 }
 
-/// Sets the word that was typed, in which the two characters `\n` begin a new line.
+/// Sets the word that was typed, in which the characters `\n` stand for a line break.
 pub(super) fn set_word(scene: &mut Scene, word: &str) {
     scene.set_word(&word.replace("\\n", "\n"));
 }
@@ -473,8 +470,8 @@ pub(super) fn set_word(scene: &mut Scene, word: &str) {
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for an argument that is or looks like the name of a file, because the user may
-/// have meant the file's content.
+/// [`Error::Input`] for an argument that is or looks like a file name, because the user may have
+/// meant the file's content.
 pub(super) fn typed_word<'a>(
     argument: Option<&'a String>,
     flag: Option<&'a String>,
@@ -489,7 +486,7 @@ pub(super) fn typed_word<'a>(
     Ok(flag.or(argument).map(String::as_str))
 }
 
-/// Refuses a word that names the output folder of a verb.
+/// Refuses a word that is the name of a verb's output folder.
 fn check_folder(word: &str) -> Result<()> {
     let files = if Path::new(word).is_dir() { files_in(word.as_ref())? } else { Vec::new() };
     let ours =
@@ -501,7 +498,7 @@ fn check_folder(word: &str) -> Result<()> {
     }
 }
 
-/// Returns the error for a file or folder that was typed as a word.
+/// Returns the error for a file or folder name that was typed as a word.
 fn no_word(word: &str, actual: String) -> Error {
     let hint = format!("`--word {}` writes it as a word", shell_word(word.as_ref()));
     let wanted = "a word, or a file *.csv where a plan may be named";

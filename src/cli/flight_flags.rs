@@ -1,4 +1,4 @@
-//! Flags for reading flights and logs, and for photographing them.
+//! Flags for reading and photographing flights and logs.
 
 use std::path::{Path, PathBuf};
 
@@ -18,31 +18,31 @@ use clap::Args;
 use noctograph_core::files::Limit;
 
 /// Limit on the total size of files that are read together, which is enough for six minutes of
-/// sixteen drones.
+/// flight by sixteen drones.
 pub(super) const FLIGHTS: Limit = Limit {
     bytes: 384 << 20,
     what: "flights",
     hint: "reduce their sample rate, cut them to the time of the picture, or read fewer at a time",
 };
 
-/// Flags for reading flights of this program or logs of real flights.
+/// Flags for reading this program's flights or logs of real flights.
 #[derive(Clone, Debug, Args)]
 pub(super) struct FlightFlags {
-    /// Source of the position (and attitude) in a log that counts as the true one
+    /// Source of a log's position (and attitude) that is treated as the true one
     #[arg(long, value_name = "SOURCE", default_value = "best", value_parser = named::<PositionSource>())]
     pub(super) position: PositionSource,
-    /// Longest gap of a log that is bridged by interpolation, in seconds
+    /// Longest gap in a log that is bridged by interpolation, in seconds
     #[arg(long, value_name = "S", default_value_t = ImportOptions::default().max_gap_s)]
     pub(super) max_gap: f64,
     /// Sample rate of the flight made from a log, in Hz
     #[arg(long, value_name = "HZ", default_value_t = ImportOptions::default().sample_rate_hz)]
     pub(super) rate: f64,
-    /// Rate of the drone's clock, in its seconds per true second, as a number or a fraction
-    /// [default: 1, or for µSD logs the rate that their timestamps show, or else the firmware's,
-    /// 84/85 up to release 2026.08]
+    /// Rate of the drone's clock, in clock seconds per true second, as a number or a fraction
+    /// [default: 1, or for µSD logs the rate inferred from their timestamps, or else that of the
+    /// firmware, 84/85 up to release 2026.08]
     #[arg(long, value_name = "RATIO", value_parser = ratio)]
     pub(super) clock_ratio: Option<f64>,
-    /// Recover the undamaged part of a corrupt µSD log, instead of refusing it
+    /// Recover the undamaged part of a corrupt µSD log instead of refusing the log
     #[arg(long)]
     pub(super) recover: bool,
     /// Seconds between two rows of a table without times
@@ -57,8 +57,8 @@ pub(super) struct FlightFlags {
     /// World axes of a table
     #[arg(long, value_name = "AXES", default_value = "auto", value_parser = named::<Axes>())]
     pub(super) axes: Axes,
-    /// Speed above which a log is refused, in m/s, because its unit may be wrong or it may contain
-    /// several drones
+    /// Speed, in m/s, above which a log is refused, because its unit may be wrong, or it may
+    /// contain several drones
     #[arg(long, value_name = "M_S", default_value_t = ImportOptions::default().max_speed_m_s)]
     pub(super) max_speed: f64,
 }
@@ -74,8 +74,7 @@ fn ratio(text: &str) -> std::result::Result<f64, String> {
 }
 
 impl FlightFlags {
-    /// Returns the options of an import. If the log does not name its firmware, the scene's is
-    /// used.
+    /// Returns the options of an import, with the scene's firmware if the log names none.
     pub(super) fn options(&self, scene: Option<&Scene>) -> ImportOptions {
         ImportOptions {
             firmware: scene.map(|scene| scene.vehicle.firmware),
@@ -97,15 +96,15 @@ impl FlightFlags {
         Ok(self.read_log(path, scene)?.flight)
     }
 
-    /// Reads a flight or a log like [`read`](Self::read), and also returns its other results.
+    /// Reads a flight or a log like [`read`](Self::read), and returns all results.
     pub(super) fn read_log(&self, path: &Path, scene: Option<&Scene>) -> Result<OnClock> {
         let log = logs::import_on_clock(path, &self.options(scene))?;
         warn_of(path, &log.flight.warnings);
         Ok(log)
     }
 
-    /// Returns the shoot of flights, logs or light traces, one for each drone. A log without lights
-    /// gets the lights of the scene's word, or is `lit` throughout.
+    /// Returns the shoot of flights, logs or light traces, one for each drone. If a log contains no
+    /// lights, they are inferred from the scene's word, or always on if `lit` is true.
     pub(super) fn shoot(
         &self,
         mut scene: Scene,
@@ -116,7 +115,7 @@ impl FlightFlags {
         if let Some(word) = word {
             set_word(&mut scene, word);
         }
-        // The total of the samples is checked after each file, before the next file needs memory.
+        // The total number of samples is checked before each further file is read.
         FLIGHTS.check_all(paths)?;
         let mut recordings = Vec::new();
         for path in paths {
@@ -139,7 +138,7 @@ pub(super) fn note(text: String) {
 }
 
 /// Sets the lights of a log without lights to those of the scene's word, or to always on if `lit`
-/// is true. Returns a note as [`infer_lights_if_dark`] does.
+/// is true. May return the note of [`infer_lights_if_dark`].
 pub(super) fn light_if_dark(
     flight: &mut Flight,
     scene: &mut Scene,
@@ -153,8 +152,8 @@ pub(super) fn light_if_dark(
     infer_lights_if_dark(flight, scene, path)
 }
 
-/// Infers the lights of a log without lights from the scene's word. Returns a note if the letters
-/// of a preset fit the setpoints, and those of the scene do not.
+/// Infers the lights of a log without lights from the scene's word. Returns a note if the setpoints
+/// match a preset's letters instead of the scene's.
 pub(super) fn infer_lights_if_dark(
     flight: &mut Flight,
     scene: &mut Scene,

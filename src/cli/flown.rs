@@ -1,4 +1,4 @@
-//! `preview --flown`: a flight beside the one that was promised, letter by letter.
+//! Compares a real flight with the previewed one, letter by letter, for `preview --flown`.
 
 use std::path::Path;
 
@@ -15,7 +15,7 @@ use crate::tracking::{letters_by_plan, track_letters};
 use serde::Serialize;
 use serde_json::json;
 
-/// A letter in one of the two photos. What is not known is `None`.
+/// A letter in one of the two photos. Unknown figures are `None`.
 #[derive(Debug, Serialize)]
 struct Letter {
     /// Probability of the letter.
@@ -23,15 +23,15 @@ struct Letter {
     /// The likeliest letter.
     best: Option<char>,
     lag_s: Option<f64>,
-    /// Distance from the path of the design, RMS.
+    /// RMS distance from the path of the design.
     contour_m: Option<f64>,
-    /// Greatest distance from the word's plane.
+    /// Maximum distance from the word's plane.
     drift_m: Option<f64>,
-    /// Duration of its light.
+    /// Duration of the letter's light.
     lit_s: f64,
 }
 
-/// Prepares the photo of a log with the scene of the promised one.
+/// Prepares the photo of a log with the scene of the previewed one.
 pub(super) fn prepared(promised: &Shoot, log: &Path) -> Result<Shoot> {
     if promised.plans.len() != 1 {
         let actual = format!("{} drones", promised.plans.len());
@@ -43,11 +43,11 @@ pub(super) fn prepared(promised: &Shoot, log: &Path) -> Result<Shoot> {
     Ok(Shoot { judging: Judging::Scored, keeps_film: false, ..product })
 }
 
-/// Compares both photos. Returns the report, and the notes for the page.
+/// Compares both photos, and returns the report and the notes for the page.
 pub(super) fn compare(promised: &Shot, flown: Shot) -> (Report, FlownNotes) {
     let [of_promised, of_flown] = [promised, &flown].map(|shot| letters(shot, promised));
     let expected = promised.verdict.iter().flat_map(|verdict| &verdict.letters);
-    // A row for people and an object for programs for each letter.
+    // Each letter has a row in the table and an object in the JSON.
     let (mut rows, mut pairs) = (Vec::new(), Vec::new());
     for ((letter, a), b) in expected.zip(of_promised).zip(of_flown) {
         let cell = |value: fn(&Letter) -> Option<f64>, digits| {
@@ -64,7 +64,7 @@ pub(super) fn compare(promised: &Shot, flown: Shot) -> (Report, FlownNotes) {
         ]);
         pairs.push(json!({ "letter": letter.expected, "promised": a, "flown": b }));
     }
-    // A drawing has no verdict, and no letters.
+    // A drawing has neither a verdict nor letters.
     let verdict = flown.verdict.as_ref();
     let mut report = Report::new(String::new(), json!({}));
     report.value(
@@ -84,11 +84,11 @@ pub(super) fn compare(promised: &Shot, flown: Shot) -> (Report, FlownNotes) {
     (report, FlownNotes { shot: flown, rows })
 }
 
-/// From the promised value to the flown one.
+/// Arrow from the previewed value to the flown one.
 const ARROW: &str = " → ";
 const HEAD: &str = "letter<8|reads as<10|P<13|lag/s<15|off path/mm<11|off plane/mm<11|lit/s<0";
 
-/// Formats a value without a negative zero, or `-`.
+/// Formats a value without negative zero, or as `-` if it is unknown.
 fn rounded(value: Option<f64>, digits: usize) -> String {
     let Some(value) = value else { return "-".to_owned() };
     let text = format!("{value:.digits$}");
@@ -96,12 +96,12 @@ fn rounded(value: Option<f64>, digits: usize) -> String {
     if is_zero { text.trim_start_matches('-').to_owned() } else { text }
 }
 
-/// Returns the letters of a photo, whose flight flew the plan of the promised one.
+/// Returns the letters of a photo whose flight followed the plan of the previewed one.
 fn letters(shot: &Shot, promised: &Shot) -> Vec<Letter> {
     let Some(verdict) = &shot.verdict else { return Vec::new() };
     let mut flight = shot.flights[0].clone();
     letters_by_plan(&mut flight, &promised.shoot.plans[0].plan);
-    // Without a design there are no tracking errors.
+    // A flight without a design has no tracking errors.
     let tracked = track_letters(&flight).unwrap_or_default();
     let letters = verdict.letters.iter().enumerate().map(|(index, letter)| {
         let tracking = tracked.get(&index);
@@ -117,7 +117,7 @@ fn letters(shot: &Shot, promised: &Shot) -> Vec<Letter> {
     letters.collect()
 }
 
-/// Returns the duration of the light of a letter.
+/// Returns the time for which a letter's light is on.
 fn lit_s(flight: &Flight, letter: usize) -> f64 {
     let pairs = flight.samples.windows(2).enumerate();
     let lit = pairs.filter(|(row, pair)| {

@@ -41,7 +41,7 @@ pub(super) struct FlyArgs {
 
 pub(super) fn run(args: &FlyArgs) -> Result<Report> {
     let files = [&args.plans[..], &args.setpoints].concat();
-    // Unless `--scene` names a scene, the scene of the plans is used.
+    // The scene of the plans is used unless `--scene` names another one.
     let carried = args.scene.carried(&files)?;
     let scene = args.scene.load_from(carried.as_ref(), &args.seed.settings(), &[])?;
     let carried = carried.filter(|_| !args.plans.is_empty());
@@ -49,8 +49,7 @@ pub(super) fn run(args: &FlyArgs) -> Result<Report> {
     FLIGHTS.check_all(&args.setpoints)?;
     for path in &args.setpoints {
         let log = args.flight.read_log(path, Some(&scene))?;
-        // A simulated flight, whose clock has no zero timestamp, needs no assumption about
-        // firmware.
+        // Only the log of a drone's own clock, without a zero timestamp, needs a firmware.
         if log.firmware.is_none() && log.zero_stamp_s.is_none() {
             let release = scene.vehicle.firmware.name();
             let text =

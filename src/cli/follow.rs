@@ -1,10 +1,10 @@
 //! `expose --follow` photographs growing logs, and reads each letter when it is complete.
 //!
-//! 1. The samples that scripts have so far appended to their logs are read.
+//! 1. The samples that scripts have appended to their logs so far are read.
 //! 2. The new light is added to the photo, at most twice a second and with at most a quarter of a
 //!    processor core.
 //! 3. With a plan, the photo is read whenever a letter is complete.
-//! 4. The end marks of all logs end the loop. The last photo shows the complete logs.
+//! 4. The loop ends when all logs contain their end marks. The last photo shows the complete logs.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -38,7 +38,7 @@ pub(super) fn begun(paths: &[PathBuf]) -> Result<Vec<GrowingLog>> {
         if !path.exists() {
             message("note: ", &format!("waits for {}", path.display()));
         }
-        // The script creates its log when the drone is ready to fly.
+        // A script creates its log when its drone is ready to fly.
         while !path.exists() {
             std::thread::sleep(LOOK);
         }
@@ -52,8 +52,8 @@ pub(super) fn begun(paths: &[PathBuf]) -> Result<Vec<GrowingLog>> {
     Ok(logs)
 }
 
-/// Reads logs while they grow, and repeatedly calls `frame` with them. Returns the last result of
-/// `frame`, which is that of the complete logs.
+/// Reads logs while they grow, and repeatedly passes them to `frame`. Returns the result of the
+/// last call, which receives the complete logs.
 pub(super) fn follow<T>(
     mut logs: Vec<GrowingLog>,
     mut frame: impl FnMut(&[GrowingLog]) -> Result<T>,
@@ -68,7 +68,7 @@ pub(super) fn follow<T>(
             let start = Instant::now();
             match frame(&logs) {
                 product if has_ended => return product,
-                // The logs may still be too short for a photo. Each reason is printed only once.
+                // The logs may still be too short. A reason is printed only when it changes.
                 Err(error) if error.to_string() != why => {
                     why = error.to_string();
                     message("note: ", &format!("no photo yet: {why}"));
@@ -82,7 +82,7 @@ pub(super) fn follow<T>(
     }
 }
 
-/// The letters of a plan, each of which is read when it is complete.
+/// Letters of a plan, each of which is read when it is complete.
 pub(super) struct Letters {
     reader: Reader,
     plan: Plan,
@@ -92,7 +92,7 @@ pub(super) struct Letters {
 }
 
 impl Letters {
-    /// Reads a plan, which has to write the word of the scene.
+    /// Reads a plan, which must write the scene's word.
     pub(super) fn new(path: &Path, scene: &Scene, n_logs: usize) -> Result<Self> {
         if n_logs > 1 {
             let hint = "omit the plan, or follow the log of a single drone";

@@ -1,4 +1,4 @@
-//! `noctograph gains` prints the gains of controller and observer, poles and stability margins.
+//! `noctograph gains` prints controller and observer gains, poles and stability margins.
 
 use nalgebra::{Complex, DMatrix};
 
@@ -20,7 +20,7 @@ pub(super) struct GainsArgs {
     /// if it has none]
     #[arg(long, value_name = "S")]
     motor_lag: Option<f64>,
-    /// Print Bryson's weights for the range of the motors as well
+    /// Also print Bryson's weights for the range of the motors
     #[arg(long)]
     bryson: bool,
 }
@@ -29,7 +29,7 @@ pub(super) fn run(args: &GainsArgs) -> Result<Report> {
     let scene = args.scene.load(&[], &[])?;
     let vehicle_s = 0.5 * (scene.vehicle.motor_rise_s + scene.vehicle.motor_fall_s);
     let default_s = if vehicle_s > 0.0 { vehicle_s } else { MOTOR_LAG_S };
-    // Regulator and observer are designed, and the loop of the scene's controller is linearized.
+    // Regulator and observer are designed, and the scene's control loop is linearized.
     let design = design(&scene.sim(), args.motor_lag.unwrap_or(default_s))?;
     warn(&design.warnings);
     let gains = gains(&scene.sim());
@@ -39,8 +39,7 @@ pub(super) fn run(args: &GainsArgs) -> Result<Report> {
         .iter()
         .map(|(name, [p, i, d], unit)| (*name, json!({ "p": p, "i": i, "d": d, "unit": unit })))
         .collect();
-    // The Luenberger observer has nine of the states, because yaw is not observable from the
-    // position.
+    // The Luenberger observer omits yaw, which is not observable from the position.
     let is_luenberger = scene.observer.kind == EstimatorKind::Luenberger;
     let observed: Vec<&str> = STATES.into_iter().take(9).filter(|s| *s != "psi").collect();
     let l = is_luenberger.then(|| matrix(&design.l, &observed));
@@ -110,8 +109,8 @@ bryson    {rule}
 {r}
 ";
 
-/// Gains of each loop of a controller: name, [proportional, integral, derivative], and the unit of
-/// the proportional gain.
+/// Gains of a controller's loops, each with its name, its proportional, integral and derivative
+/// gain, and the unit of the proportional gain.
 type LoopGains = Vec<(&'static str, [f64; 3], &'static str)>;
 
 /// Returns the gains of the scene's cascade or geometric controller, or an empty list for any other
@@ -130,8 +129,7 @@ fn gains(sim: &SimOptions) -> LoopGains {
             loops
                 .enumerate()
                 .map(|(index, (name, gains))| {
-                    // The velocity loop of the height outputs thrust in units of 1000/65535 of a
-                    // motor's range.
+                    // The climb rate loop outputs thrust in 1000/65535 of a motor's range.
                     let unit = if index == 5 { "1000/65535 per m/s" } else { units[index / 3] };
                     (name, gains, unit)
                 })
@@ -151,7 +149,7 @@ fn gains(sim: &SimOptions) -> LoopGains {
     }
 }
 
-/// Formats one row per state, with six decimals, three for large numbers, and a dash for zero.
+/// Formats one row per state, with six decimals, or three for large numbers, and a dash for zero.
 fn matrix(m: &DMatrix<f64>, rows: &[&str]) -> Vec<Value> {
     let tiny = m.column_iter().map(|column| 1e-9 * column.amax()).collect::<Vec<_>>();
     let rows = rows.iter().zip(m.row_iter()).map(|(name, row)| {
@@ -165,13 +163,13 @@ fn matrix(m: &DMatrix<f64>, rows: &[&str]) -> Vec<Value> {
     rows.collect()
 }
 
-/// Formats poles as text, with one entry for a conjugate pair.
+/// Formats poles as text, with one entry per conjugate pair.
 fn poles(poles: Option<&Vec<Complex<f64>>>) -> String {
     let Some(poles) = poles else { return "not found: the iteration did not converge".to_owned() };
     let upper = poles.iter().filter(|pole| pole.im >= 0.0);
     let words = upper.map(|pole| match pole.im {
         0.0 => format!("{:.2}", pole.re),
-        // An imaginary part that rounds to zero at two decimals is printed as two real poles.
+        // A pair whose imaginary part rounds to zero at two decimals is printed as two real poles.
         im if im < 0.005 => format!("{:.2}  {:.2}", pole.re, pole.re),
         im => format!("{:.2}±{im:.2}i", pole.re),
     });
@@ -197,7 +195,7 @@ fn decibels(factor: f64) -> f64 {
     20.0 * libm::log10(factor)
 }
 
-/// Converts a design to JSON, with the names of the inputs, and gain margins in decibels.
+/// Converts a design to JSON, with named inputs and with gain margins in decibels.
 fn with_names(design: &Design) -> Value {
     let mut json = json!(design);
     for margins in ["margins", "lagging_margins"] {

@@ -1,4 +1,4 @@
-//! `noctograph hold` simulates altitude hold with three imperfect sensors.
+//! `noctograph hold` simulates holding an altitude with three imperfect sensors.
 
 use std::path::{Path, PathBuf};
 
@@ -28,7 +28,7 @@ pub(super) struct HoldArgs {
     /// Number of flights of each scenario and model, with consecutive seeds
     #[arg(long, value_name = "N", default_value_t = 80)]
     runs: u32,
-    /// Preset of the drone, the sensors and the altitude filter
+    /// Preset with the drone, the sensors and the altitude filter
     #[arg(long, value_name = "NAME", default_value = "bzzz", conflicts_with = "scene",
           value_parser = names::<Preset>())]
     preset: String,
@@ -50,7 +50,7 @@ pub(super) fn run(args: &HoldArgs) -> Result<Report> {
     let models = args.model.map_or(HoldModel::ALL.to_vec(), |model| vec![model]);
     let mut folder = OutputFolder::create(&args.output)?;
     let (mut outcomes, mut figures) = (Vec::new(), Vec::new());
-    // The first run of each scenario is simulated again for its table and plot.
+    // The first run of each scenario is simulated again for the table and the plot.
     let mut progress = Progress::new("holding");
     let n = (scenarios.len() * models.len()) as f64;
     for scenario in scenarios {
@@ -97,12 +97,13 @@ mean squared error over variance of each state: 1 where the covariance holds, co
 
 ";
 
-/// Returns the texts of the report: rows of the states, missed bounds and inconsistent states.
+/// Returns the report's texts, which are the rows of states, the missed bounds, and the
+/// inconsistent states.
 fn words(figures: &[HoldFigures]) -> Value {
     let (mut states, mut missed, mut inconsistent) = (Vec::new(), Vec::new(), Vec::new());
     for f in figures {
-        // Each scenario has a row of mean squared errors divided by variances, and a row with their
-        // 95 % intervals.
+        // Each scenario has one row with the mean squared errors divided by the variances, and one
+        // row with their 95 % intervals.
         let name = format!("{}, {}", f.scenario, f.model);
         missed.extend(f.missed.iter().map(|missed| format!("{name}: {missed}")));
         let errors: Vec<String> =

@@ -1,5 +1,4 @@
-//! `noctograph identify` infers parameters of a drone and weights of its observer from a flight
-//! log.
+//! `noctograph identify` estimates drone parameters and observer weights from a flight log.
 
 use std::path::{Path, PathBuf};
 
@@ -46,8 +45,8 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
         .map_err(|error| named(error, args.log.as_deref()))?;
     warn(identified.iter().flat_map(|identified| &identified.left_out));
 
-    // A log determines neither the mass nor the arm, because the inferred thrust scales with the
-    // mass, and the torque with the arm.
+    // Neither the mass nor the arm can be determined from a log, because the inferred thrust is
+    // proportional to the mass, and the torque to the arm.
     let VehicleOptions { mass_kg, arm_m, .. } = vehicle;
     let identified = identified.as_ref();
     let lag = identified.and_then(|it| it.lag);
@@ -97,7 +96,7 @@ inertia       {inertia_kg_m2:.4e} kg m2
 {states.#}|{:.4}|{weights.#:.1~not observable}
 ";
 
-/// Replaces "flight" as the place of an error by the name of the log file.
+/// Replaces "flight" as the location of an error by the name of the log file.
 fn named(error: Error, log: Option<&Path>) -> Error {
     match (error, log) {
         (Error::Input { found, wanted, hint, .. }, Some(log)) => {

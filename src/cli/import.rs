@@ -22,9 +22,9 @@ use serde_json::json;
 pub(super) struct ImportArgs {
     /// Log: AE483 JSON, cfclient CSV (a file, or the folder of its blocks), µSD, plain or range
     /// CSV, tables of motion captures and other programs (docs/reference/files.md). Any other
-    /// folder is read as an evening's logs, and gives one page and a conditions file. Logs of
-    /// exported scripts name their drones. Other logs are in a folder named after the drone, or
-    /// have the drone's name before the first - or _ in their file name
+    /// folder is read as the logs of an evening, and yields one page and a conditions file. Logs of
+    /// exported scripts name their drones. Other logs must be in a folder named after the drone, or
+    /// begin their file name with the drone's name and - or _
     log: PathBuf,
     /// Word that was flown. For a log without lights, the letters and the schedule of the
     /// headlights are inferred from this word and the setpoints (in the letters of the scene or of
@@ -52,7 +52,7 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
         let options = args.flight.options(Some(&scene));
         return evening::run(&args.log, &scene, &options, output);
     }
-    // A scene is written beside the flight only if `--scene` names one or the log contains one.
+    // A scene is written beside the flight only if `--scene` names a scene or the log contains one.
     let mut scene = args.scene.load(std::slice::from_ref(&args.log), &[])?;
     let is_known = args.scene.is_given() || CarriedScene::read(&args.log)?.is_some();
     let outputs = Outputs::create(args.output.as_deref(), "flight", 1)?;
@@ -80,7 +80,7 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
         "warnings": flight.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
         "flight": figures.json, "gaps_s": &flight.gaps,
     });
-    // Without at least one of these quantities it is unknown whether the drone flew.
+    // Without any of these quantities, it is unknown whether the drone flew.
     let has_height = [Quantity::Position, Quantity::Design, Quantity::Motors];
     let air = match air_s {
         Some([from_s, to_s]) => format!("in the air {from_s:.2} s to {to_s:.2} s"),

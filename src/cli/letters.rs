@@ -1,4 +1,4 @@
-//! Flags of the letters: font or drawing, colors, and the room into which the letters are fitted.
+//! Flags for the font or drawing, the colors, and the room into which the letters are fitted.
 
 use std::fmt::Display;
 
@@ -37,7 +37,7 @@ pub(super) struct LetterFlags {
     /// upper left. The picture is cropped to the sheet and rectified [default: the whole picture]
     #[arg(long, value_name = "CORNERS", requires = "drawing")]
     corners: Option<Corners>,
-    /// Colors of the letters in turn, as #rrggbb or CSS names, in which the color LED deck writes
+    /// Colors in which the color LED deck writes the letters in turn, as #rrggbb or CSS names
     /// (colors of the ring are set in the scene)
     #[arg(long, value_name = "COLOR,...", value_delimiter = ',', value_parser = color)]
     color: Vec<[u8; 4]>,
@@ -46,13 +46,13 @@ pub(super) struct LetterFlags {
     /// ceiling, within the 4 m that two Lighthouse stations serve, and completely visible to a
     /// camera in the room. Stations hang in the corners of the room unless a scene places them.
     /// Safety checks keep every plan 0.2 m from the walls. A unit may follow, as in 13x20x8ft. A
-    /// ceiling of 7.5 or more without a unit is asked about
+    /// ceiling of 7.5 or more without a unit is refused, with a question about the unit
     #[arg(long, value_name = "WxDxH", value_parser = parse_room)]
     pub(super) room: Option<[f64; 3]>,
 }
 
-/// Levels without the firmware's brightness correction, because dim colors then have twice as many
-/// steps.
+/// Levels of the color LED deck without the firmware's brightness correction, which give dim colors
+/// twice as many steps.
 const LEVELS: ColorLedLevels = ColorLedLevels::Plain;
 
 /// Parses a CSS color, and returns the command bytes with which the color LED deck shows it.
@@ -67,7 +67,7 @@ fn color(text: &str) -> Result<[u8; 4], String> {
 }
 
 impl LetterFlags {
-    /// Returns the scene settings that were typed. Letters of finished plans keep their size.
+    /// Returns the scene settings that were typed. The letters of finished plans keep their size.
     #[expect(clippy::fn_params_excessive_bools, reason = "independent of each other")]
     pub(super) fn settings(&self, is_planned: bool, is_height_typed: bool) -> Vec<Setting> {
         // A drawing replaces the word, and clears the digest of an earlier drawing.

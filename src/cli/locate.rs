@@ -35,11 +35,11 @@ const LOGS: Limit = Limit {
     what: "logs",
     hint: "cut the logs to one flight, log fewer variables, or locate fewer drones at a time",
 };
-/// Prefixes of the columns of a range log: ranges to anchors, numbered from 0, and to drones,
-/// numbered from 1.
+/// Prefix of a range log's columns with ranges to anchors, which are numbered from 0, and then to
+/// drones, which are numbered from 1.
 const TO_ANCHOR: &str = "ranging.distance";
 const TO_DRONE: &str = "ranging.drone";
-/// Scene keys that this verb uses, although they have no effect in a flight without ranging.
+/// Scene keys that this verb uses even if they have no effect in a flight without ranging.
 const USED: [&str; 2] = ["observer.ekf.two_way_sigma_m", "sensors.uwb.anchors_m"];
 const VIEWS: [&str; 2] = ["flight-xy.svg", "flight-xz.svg"];
 
@@ -48,7 +48,7 @@ const VIEWS: [&str; 2] = ["flight-xy.svg", "flight-xz.svg"];
 enum Observer {
     /// Filter forward and smoother backward over the whole flight
     Smooth,
-    /// Extended Kalman filter as in flight, without later ranges
+    /// Extended Kalman filter that, as in flight, uses no later ranges
     Filter,
     /// Augmented linear filter from any start, followed by an extended Kalman filter (the logs must
     /// contain velocities)
@@ -79,8 +79,8 @@ pub(super) struct LocateArgs {
     /// that lag in curves
     #[arg(long, value_name = "A", default_value_t = 1.0)]
     acceleration: f64,
-    /// Box that contains all drones, in meters. If two mirror images fit the ranges, the image
-    /// inside the box is taken
+    /// Box that contains all drones, in meters. If two mirror images fit the ranges, the one inside
+    /// the box is selected
     #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = room, allow_hyphen_values = true)]
     within: Option<Room>,
     /// Map the region of convergence of the shared-anchor observer for the scene's word, without a
@@ -111,7 +111,7 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
     one_for_each("offset", args.offset.len(), "reference", args.reference.len())?;
     crate::error::within("acceleration", args.acceleration, 1e-3, 1e3)?;
     let folder = OutputFolder::create(&args.output)?;
-    // The positions are computed from the ranges of all logs together.
+    // The positions are computed jointly from the ranges in all logs.
     let anchors_m = scene.sensors.uwb.anchors();
     let options = LocateOptions {
         range_sigma_m: scene.observer.ekf.two_way_sigma_m,
@@ -129,7 +129,7 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
              position inside it"]);
     }
 
-    // The references give the errors of the positions, and of the ranges of each link.
+    // The references yield the errors of the positions and of each link's ranges.
     LOGS.check_all(&args.reference)?;
     let references = args.reference.iter().map(|path| read(args, &scene, path));
     let mut references = references.collect::<Result<Vec<_>>>()?;
@@ -197,15 +197,15 @@ struct Dated<'a> {
 }
 
 impl Dated<'_> {
-    /// Returns the first and the last timestamp, in s.
+    /// Returns the log's first and last timestamp, in s.
     fn timestamps_s(&self) -> Option<[f64; 2]> {
         let zero_s = self.zero_stamp_s?;
         let (first, last) = self.flight.samples.first().zip(self.flight.samples.last())?;
         Some([zero_s + first.time_s, zero_s + last.time_s])
     }
 
-    /// Returns the seconds from the time zero of another file to that of this file. `None` if their
-    /// timestamps do not overlap, because the two files then have different clocks.
+    /// Returns the time from another file's time zero to that of this file, in s, or `None` if
+    /// their timestamps do not overlap, because the two files then use different clocks.
     fn after_s(&self, other: &Self) -> Option<f64> {
         let ([from_s, to_s], [other_from_s, other_to_s]) =
             (self.timestamps_s()?, other.timestamps_s()?);
@@ -226,8 +226,7 @@ fn aligned_logs<'a>(
         let measured = ranges(&log.flight, logs.len());
         samples.push(measured.map_err(|error| error.in_file(path.display(), None))?);
         logs.push(log);
-        // The number of ranges determines the memory, so that it is checked before the next log is
-        // read.
+        // The number of ranges is checked before the next log is read, to limit memory.
         check_count(samples.iter().map(Vec::len).sum())?;
     }
     align_logs(&mut logs, &mut samples)?;
@@ -237,7 +236,7 @@ fn aligned_logs<'a>(
 /// Aligns the logs and their ranges on the clock of the first log, with time zero at the first
 /// sample of all logs.
 fn align_logs(logs: &mut [Dated<'_>], samples: &mut [Vec<RangeSample>]) -> Result<()> {
-    // Every log has to have the same clock as the first one.
+    // Every log must use the same clock as the first one.
     let Some((first, others)) = logs.split_first_mut() else { return Ok(()) };
     for log in others {
         let wanted = format!("timestamps in common with those of {}", first.path.display());
@@ -304,7 +303,7 @@ fn write(
     located: &Located,
     references: &[Reference<'_>],
 ) -> Result<Vec<PathBuf>> {
-    // Each drone gets a flight file, and the plots show it beside its reference.
+    // A flight file is written for each drone, and the plots show the flight beside its reference.
     let mut traces = Vec::new();
     for drone in 0..located.position_m.len() {
         let flight = flight(located, drone)?;
@@ -336,7 +335,7 @@ fn by_observer(
             |log: &Dated<'_>| track(log).map_err(|error| error.in_file(log.path.display(), None));
         logs.iter().map(track).collect::<Result<Vec<_>>>()
     };
-    // Ranges suffice for the first two observers. The others integrate measured velocities.
+    // The first two observers require only ranges. The others integrate measured velocities.
     match args.observer {
         Observer::Smooth | Observer::Filter => locate(anchors_m, logs.len(), samples, options),
         Observer::Enlarged => locate_augmented(anchors_m, &tracks()?, samples, options),
@@ -351,7 +350,7 @@ fn by_observer(
     }
 }
 
-/// Returns the first position in a log, from which the observer starts.
+/// Returns the first position in a log, at which the observer starts.
 fn start_m(flight: &Flight) -> Result<Vector3<f64>> {
     let first = flight.samples.first().filter(|_| flight.has(Quantity::Position));
     first.map(|sample| sample.position_m).ok_or_else(|| {
@@ -385,7 +384,7 @@ fn ranges(log: &Flight, drone: usize) -> Result<Vec<RangeSample>> {
         };
         has_ranges = true;
         let mut before = 0.0;
-        // The firmware repeats the last range in the log until it has a new one.
+        // The firmware logs the last range repeatedly until it measures a new one.
         for (sample, &distance_m) in log.samples.iter().zip(column) {
             // The firmware logs 0 until the first measurement.
             if distance_m.is_nan() || distance_m == before {
@@ -403,7 +402,7 @@ fn ranges(log: &Flight, drone: usize) -> Result<Vec<RangeSample>> {
     Err(Error::input("columns", "no range", wanted, "log the ranges of the ranging group"))
 }
 
-/// Converts the positions of a drone to a flight, from its first range to its last.
+/// Converts a drone's positions, from its first range to its last, to a flight.
 fn flight(located: &Located, drone: usize) -> Result<Flight> {
     let sample = |index: usize| {
         let position_m = located.position_m[drone][index].map(on_grid);
@@ -418,8 +417,7 @@ fn flight(located: &Located, drone: usize) -> Result<Flight> {
     })
 }
 
-/// Returns the median and the greatest standard deviation of the positions in m, combined over the
-/// three axes.
+/// Returns the median and the maximum standard deviation of the positions over three axes, in m.
 fn sigmas_m(located: &Located) -> Option<[f64; 2]> {
     let drones = located.covariance_m2.iter().enumerate();
     let heard = drones.flat_map(|(drone, covariances)| &covariances[located.heard(drone)]);
@@ -428,7 +426,7 @@ fn sigmas_m(located: &Located) -> Option<[f64; 2]> {
     Some([median(sigmas_m)?, worst_m])
 }
 
-/// Parses a box from its smallest and its greatest coordinates.
+/// Parses a box from its minimum and maximum coordinates.
 fn room(text: &str) -> std::result::Result<Room, String> {
     let room = numbers(text, &[',']).map(|[left, front, bottom, right, back, top]| Room {
         low_m: Vector3::new(left, front, bottom),

@@ -1,5 +1,5 @@
-//! `noctograph locate --region` tests how well the shared-anchor observer of two drones converges
-//! while they write a word.
+//! `noctograph locate --region` tests how well the shared-anchor observer converges while two
+//! drones write a word.
 
 use nalgebra::Vector3;
 
@@ -10,15 +10,15 @@ use crate::scene::Scene;
 use crate::shoot::Shoot;
 use serde_json::json;
 
-/// Start errors of the table of convergence, in m.
+/// Initial errors in the table of convergence, in m.
 const ERRORS_M: [f64; 5] = [0.25, 0.5, 1.0, 2.0, 4.0];
-/// Observer gains of the table of convergence.
+/// Observer gains in the table of convergence.
 const GAINS: [f64; 3] = [0.003, 0.03, 0.3];
-/// Observation times of the table of observability, in s.
+/// Observation times in the table of observability, in s.
 const SPANS_S: [f64; 4] = [0.0, 1.0, 3.0, 20.0];
-/// Simulated time, in s.
+/// Duration of each simulation, in s.
 const MAP_S: f64 = 64.0;
-/// Number of random starts for each start error.
+/// Number of random starts for each initial error.
 const STARTS: u32 = 40;
 
 /// Reports the region of convergence and the observability along the scene's word.

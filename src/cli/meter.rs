@@ -48,7 +48,7 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
     let lighting = shoot.lighting(&watch())?;
     let warnings = lighting.problems.iter().filter(|problem| !problem.is_stop());
     warn(warnings.map(|problem| problem.sentence(mentioned)));
-    // The JSON contains the reading of every lamp, each with advice.
+    // The JSON contains the reading of each lamp with advice.
     let readings = meter(&lighting.trace, &lighting.camera)?;
     let recommended = lighting.recommended(&scene);
     let camera = &lighting.camera;
@@ -75,7 +75,7 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
         "floor_stops": floor_stops(&lighting.trace, camera, &scene.expose),
         "lamps": described(&readings),
     });
-    // The text shows one row for all LEDs of a ring, and the advice for the brightest lamp.
+    // The text contains a single row for all LEDs of a ring, and the advice for the brightest lamp.
     let rows = grouped(&readings);
     let brightest = rows.iter().max_by(|a, b| a.median_stops.total_cmp(&b.median_stops));
     let advice = brightest.map(|it| it.advice(camera, target_stops));
@@ -87,7 +87,7 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
     let settings = advice.map(|_| if settings.is_empty() { filter } else { settings.join(" or ") });
     let spots = hot_spots(&rows);
     let rows = described(&rows);
-    // Ambient light and floor are rows of the same table that have only a median.
+    // The table also contains rows for the ambient light and the floor, which have only a median.
     let surfaces = [("ambient", &product["ambient_stops"]), ("floor", &product["floor_stops"])];
     let surfaces = surfaces.map(|(name, stops)| {
         json!({
@@ -133,8 +133,8 @@ to put the middle of a lamp's trail at {target_stops:+.1} stops, one of
 and {more} more (--json has them all)
 ";
 
-/// Returns the hot spots above saturation with their lamps, brightest first. A lamp that stays
-/// below saturation leaves no blob, however long it waits.
+/// Returns the hot spots above saturation with their lamps, brightest first. A lamp whose exposure
+/// stays below saturation leaves no blob, however long the drone waits.
 fn hot_spots(readings: &[LampReading]) -> Vec<Value> {
     let spots = readings.iter().flat_map(|r| r.hot_spots.iter().map(move |spot| (&r.name, spot)));
     let mut spots: Vec<_> = spots.filter(|(_, spot)| spot.stops > 0.0).collect();

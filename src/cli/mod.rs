@@ -1,4 +1,4 @@
-//! The command line with its arguments, progress, tables and exit codes. Each verb has one file.
+//! The command line, with arguments, progress bars, tables and exit codes. Each verb has a file.
 //!
 //! The program writes results to stdout, and progress, warnings and errors to stderr. The exit code
 //! is 0 for success (and a legible word), 1 for a word that is not legible, an unsafe flight or a
@@ -71,7 +71,7 @@ pub use self::tune::tuning_report;
 pub use outcome::Report;
 pub use started::{starts_as, typed_as};
 
-/// Version with commit and digest of the source, so that two builds can be distinguished.
+/// Version with the commit and a digest of the source, so that builds can be distinguished.
 static VERSION: LazyLock<String> = LazyLock::new(|| {
     let commit = env!("NOCTOGRAPH_COMMIT");
     let commit = if commit.is_empty() { String::new() } else { format!("commit {commit}, ") };
@@ -99,9 +99,9 @@ struct CommandLine {
     threads: usize,
 }
 
-/// Declares the verbs in the order of the help, each with examples. A test runs these examples in
-/// this order in one folder (`tests/it/examples.rs`). Each verb is a module that contains its
-/// arguments and the function `run`.
+/// Declares the verbs in the order of the help, each with examples. A test runs the examples in
+/// this order in a single folder (`tests/it/examples.rs`). Each verb is a module with its arguments
+/// and a function `run`.
 macro_rules! verbs {
     ($($group:literal {
         $($(#[$meta:meta])* $verb:ident($module:ident::$args:ident) $examples:literal,)+
@@ -193,13 +193,13 @@ verbs! {
     }
 }
 
-/// Builds the clap command, with a help text that lists the verbs by groups, which clap does not
-/// support. Only the verbs of the first group are explained, so that the help fits on one screen.
+/// Builds the clap command with a help text that groups the verbs, which clap does not support.
+/// Only the verbs of the first group are explained, so that the help fits on one screen.
 fn command() -> Command {
     let mut command = CommandLine::command();
     let mut verbs = String::new();
     for (index, (title, members)) in GROUPS.iter().enumerate() {
-        // The help of each verb ends with the verb's examples.
+        // Each verb's help ends with its examples.
         let names: Vec<String> =
             members.iter().map(|(module, _)| module.replace('_', "-")).collect();
         if index == 0 {
@@ -246,8 +246,7 @@ fn run_typed() -> u8 {
         message("hint: ", "allow more processes (ulimit -u) or a larger stack (ulimit -s 8192)");
         return 2;
     }
-    // clap's matches are kept in addition to the arguments, because advice on an error depends on
-    // the verb's flags.
+    // clap's matches are also kept, because the advice on an error depends on the verb's flags.
     let command = command();
     let typed = command
         .clone()
@@ -287,8 +286,7 @@ fn run_typed() -> u8 {
 ///
 /// [`Error::Input`] for arguments that are refused, and the errors of the verb.
 pub fn report_of(words: &[String]) -> Result<Report> {
-    // For a calling program, help and version are ordinary results, and refused arguments an
-    // ordinary error.
+    // For a calling program, help and version are results, and refused arguments an error.
     let words = std::iter::once("noctograph").chain(words.iter().map(String::as_str));
     let args = command().try_get_matches_from(words);
     match args.and_then(|matches| CommandLine::from_arg_matches(&matches)) {
@@ -348,11 +346,11 @@ fn usage(error: &clap::Error) -> u8 {
 /// Maximum number of worker threads, enough for the largest machines.
 const MAX_THREADS: usize = 1024;
 
-/// Stack size of a thread in bytes, which is set because the main thread's stack may have only a
-/// few pages (`ulimit -s`).
+/// Stack size of a thread in bytes. It is set, because the main thread's stack may have only a few
+/// pages (`ulimit -s`).
 pub const STACK: usize = 8 << 20;
 
-/// Returns the limit of the main thread's stack in bytes, on Linux.
+/// Returns the size limit of the main thread's stack in bytes, on Linux.
 #[expect(clippy::disallowed_methods, reason = "a file of the kernel")]
 fn main_stack() -> Option<usize> {
     let limits = std::fs::read_to_string("/proc/self/limits").ok()?;
@@ -360,14 +358,14 @@ fn main_stack() -> Option<usize> {
     line.split_whitespace().next()?.parse().ok()
 }
 
-/// Runs `work` on the given number of threads. 0 means one thread per processor core, or fewer if
-/// the system does not start as many. If it starts none, the current thread does the work.
+/// Runs `work` on the given number of threads. 0 stands for one thread per processor core, or fewer
+/// if the system refuses to start that many. If it starts none, the current thread runs `work`.
 fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
     if threads > MAX_THREADS {
         let wanted = format!("at most {MAX_THREADS}");
         return Err(Error::input("threads", threads, wanted, "0 takes one for each core"));
     }
-    // A number that was typed is never reduced. The default number is halved until the system
+    // A number that the user typed is never reduced. The default number is halved until the system
     // starts all threads.
     let pool = |n: usize| rayon::ThreadPoolBuilder::new().num_threads(n).stack_size(STACK).build();
     if threads > 0 {
@@ -397,15 +395,14 @@ fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) 
     work()
 }
 
-/// Runs a verb for a caller that displays warnings and notes itself. If the verb fails, the
-/// messages are printed.
+/// Runs a verb for a caller that displays its messages. If the verb fails, they are printed.
 fn run_quietly(verb: &Verb) -> Result<Report> {
     let report = quietly(|| run_warned(verb, true));
     warn(take_warnings());
     report
 }
 
-/// Runs a verb, and adds the warnings that it printed to its JSON object.
+/// Runs a verb, and adds the warnings that the verb printed to its JSON object.
 fn run_warned(verb: &Verb, for_programs: bool) -> Result<Report> {
     take_warnings();
     let mut report = run(verb)?;
@@ -416,8 +413,7 @@ fn run_warned(verb: &Verb, for_programs: bool) -> Result<Report> {
     if let Some(object) = report.json.as_object_mut().filter(|_| !warned.is_empty())
         && let Some(known) = object.entry("warnings").or_insert_with(|| json!([])).as_array_mut()
     {
-        // Warnings that the object already contains, without the name of their file, are not added
-        // again.
+        // Warnings that the object already contains, without their file names, are not added again.
         warned.retain(|text| !known.iter().filter_map(Value::as_str).any(|s| text.ends_with(s)));
         known.extend(warned.into_iter().map(Value::from));
     }
@@ -459,18 +455,18 @@ mod tests {
             std::iter::once(verb).chain(verb.get_subcommands()).collect::<Vec<_>>()
         });
         let names: Vec<&str> = verbs.filter(takes_seed).map(Command::get_name).collect();
-        // `scene` has a seed because it writes one, and `export` because it refuses flights that
-        // `check` stops.
+        // `scene` accepts a seed because it writes one, and `export` because it simulates the
+        // flights that `check` judges.
         let noisy = "preview check export expose fly meter rank tune hold scene";
         assert_eq!(names.join(" "), noisy, "a plan has no noise");
     }
 
-    /// Returns the verb and the flags of each command of the program in a text.
+    /// Returns the verb and the flags of each of the program's commands in a text.
     fn commands(text: &str) -> Vec<(String, Vec<String>)> {
         let text = text.replace("\\\n", " ");
         let mut examples = Vec::new();
         for (begin, _) in text.match_indices("noctograph ") {
-            // A command within a sentence stands between backquotes, and may be wrapped.
+            // A command within a sentence is enclosed in backquotes, and may be wrapped.
             let ends: &[char] =
                 if text[..begin].ends_with('`') { &['`'] } else { &['`', '\n', '#'] };
             let rest = &text[begin + "noctograph ".len()..];

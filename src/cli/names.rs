@@ -1,4 +1,4 @@
-//! Parsers of command-line values: choices by their names in scene files, and numbers.
+//! Parsers of command-line values, which are numbers, and choices by their names in scene files.
 
 use std::str::FromStr;
 
@@ -10,8 +10,7 @@ use noctograph_core::settings::{Described, Shape};
 /// A scene key with its new value.
 pub(super) type Setting = (String, String);
 
-/// Returns a parser of a choice, which lists the choice's names in the help and suggests the
-/// nearest name.
+/// Returns a parser for a choice, which lists its names in the help and suggests the nearest one.
 pub(super) fn named<T>() -> impl TypedValueParser<Value = T>
 where
     T: Described + FromStr<Err = Error> + Clone + Send + Sync + 'static,
@@ -25,7 +24,7 @@ pub(super) fn names<T: Described>() -> PossibleValuesParser {
         Shape::Names(variants) | Shape::Tagged(variants) => variants,
         Shape::Plain | Shape::Group(_) => &[],
     };
-    // The help text of a name is the first paragraph of the variant's documentation.
+    // The help text of a name is the first paragraph of the variant's doc comment.
     let names = variants.iter().map(|variant| {
         let doc = variant.doc.iter().map(|line| line.trim()).take_while(|line| !line.is_empty());
         let doc = doc.collect::<Vec<_>>().join(" ");
@@ -34,13 +33,13 @@ pub(super) fn names<T: Described>() -> PossibleValuesParser {
     names.collect::<Vec<_>>().into()
 }
 
-/// Parses `N` numbers that are separated by any of the signs.
+/// Parses `N` numbers that are separated by any of the given characters.
 pub(super) fn numbers<const N: usize>(text: &str, signs: &[char]) -> Option<[f64; N]> {
     let numbers = text.split(signs).map(|number| number.trim().parse().ok());
     numbers.collect::<Option<Vec<f64>>>()?.try_into().ok()
 }
 
-/// Four corners in a photo in pixels, clockwise from the upper left.
+/// Four corners in a photo, in pixels, clockwise from the upper left.
 #[derive(Clone, Debug)]
 pub(super) struct Corners(pub(super) [[f64; 2]; 4]);
 

@@ -1,5 +1,4 @@
-//! The report of a verb, which contains its outcome, a table for people, and the same as JSON for
-//! programs.
+//! The report of a verb, which contains its outcome as a table for people and as JSON for programs.
 
 use std::path::{MAIN_SEPARATOR, Path, PathBuf};
 
@@ -13,33 +12,31 @@ use serde_json::Value;
 /// Result of a verb as a JSON object and as text for people.
 #[derive(Debug)]
 pub struct Report {
-    /// Text for people, a table of at most 80 columns.
+    /// Text for people, in tables of at most 80 columns.
     pub text: String,
     /// JSON object for programs.
     pub json: Value,
     /// True if the word is legible or safe to fly, which determines the exit code.
     pub(super) passed: bool,
-    /// True if a file was written to standard output, so that the report goes to stderr.
+    /// True if a file was written to stdout, in which case the report is printed on stderr.
     pub(super) aside: bool,
     /// Content of the photo's file, whose digest is added to the JSON object only.
     pub(super) photo: Option<Vec<u8>>,
 }
 
 impl Report {
-    /// Creates a report from a text, and from a value that serializes as an object.
+    /// Creates a report from a text and from a value that serializes as an object.
     pub(super) fn new(text: String, json: impl Serialize) -> Self {
         let json = serde_json::to_value(json).expect("a result is plain data");
         Self { text, json, passed: true, aside: false, photo: None }
     }
 
-    /// Creates a report from a value that serializes as an object, with a text formatted by a
-    /// layout.
+    /// Creates a report from a value that serializes as an object, and from a layout.
     pub(super) fn with_layout(product: impl Serialize, layout: &str) -> Self {
         Self::with_words(product, &Value::Null, layout)
     }
 
-    /// Creates a report like [`with_layout`](Self::with_layout), with words that appear only in the
-    /// text.
+    /// Creates a report with a layout and with values that appear only in the text.
     pub(super) fn with_words(product: impl Serialize, words: &Value, layout: &str) -> Self {
         let report = Self::new(String::new(), product);
         Self { text: print(layout, &[&report.json, words]), ..report }
@@ -69,7 +66,7 @@ impl Report {
             let head = if index == 0 { "files" } else { "" };
             self.text += &format!("{head:10}{}\n", file.display());
         }
-        // Bytes that are not valid Unicode are replaced in names.
+        // Bytes that are not valid Unicode are replaced in file names.
         let names: Vec<_> = files.iter().map(|file| file.to_string_lossy()).collect();
         self.value("files", names);
         self.aside |= files.iter().any(|file| file == Path::new(STANDARD_OUTPUT));
@@ -100,14 +97,14 @@ pub(super) fn typed_words() -> impl Iterator<Item = String> {
     words().into_iter().map(|word| word.to_string_lossy().into_owned())
 }
 
-/// Returns the running command for display in a page. Because pages are passed on, an absolute
-/// path, which would reveal folders of this machine, is reduced to its file name.
+/// Returns the running command for display in a page. Pages are passed on, so an absolute path,
+/// which would reveal folders of this machine, is reduced to its file name.
 pub(super) fn typed_command() -> String {
     let words = typed_words().map(|word| shell_word(Path::new(&without_folders(&word))));
     std::iter::once("noctograph".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
 }
 
-/// Returns an argument without the folders of an absolute path in it or in its value.
+/// Returns an argument without the folders of an absolute path that is the argument or its value.
 pub(super) fn without_folders(word: &str) -> String {
     let value = word.rsplit_once('=').map_or(word, |(_, value)| value);
     match value.trim_matches(['"', '\'', ' ']) {

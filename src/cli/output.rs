@@ -8,7 +8,7 @@ use crate::scene::{CarriedScene, Scene, SceneFiles};
 pub(super) use noctograph_core::files::{Output, OutputFolder};
 use noctograph_core::files::{WholeFile, ending, file_name, files_in};
 
-/// True if a path has the extension of an SVG drawing.
+/// True if a path has the extension of an SVG file.
 pub(super) fn is_svg(path: &Path) -> bool {
     ending(path) == "svg"
 }
@@ -21,8 +21,8 @@ pub(super) fn is_csv(path: &Path) -> bool {
     ending(path) == "csv"
 }
 
-/// Output files of one kind with their scene: one file with the scene beside it, or a folder with a
-/// numbered file for each drone.
+/// Output files of one kind with their scene, which are a file with the scene beside it, or a
+/// folder with the scene and a numbered file for each drone.
 #[derive(Debug)]
 pub(super) enum Outputs {
     One(Output, Option<Output>),
@@ -39,8 +39,7 @@ impl Outputs {
             return Err(Error::input(place, actual, "a folder for a file of each", hint));
         }
         let path_or = |default: String| path.map_or_else(|| default.into(), Path::to_owned);
-        // All files are opened before the long computation, so that a path that cannot be written
-        // is refused immediately.
+        // Files are opened before the long computation, to refuse an unwritable path early.
         Ok(match n_drones {
             1 => {
                 let path = path_or(format!("{kind}.csv"));
@@ -102,8 +101,8 @@ pub(super) fn drone_number(path: &Path, kind: &str) -> Option<usize> {
     name.strip_prefix(kind)?.strip_prefix('-')?.strip_suffix(".csv")?.parse().ok()
 }
 
-/// Returns the surplus files of an earlier, larger set in a folder, which would be flown together
-/// with the new files. The caller removes these files.
+/// Returns the surplus files of an earlier, larger set in a folder, which the caller removes. They
+/// would otherwise be flown together with the new files.
 ///
 /// # Errors
 ///
@@ -137,12 +136,12 @@ pub(super) fn write_scene(
     folder.write_first(SCENE, CarriedScene::text(&files.toml, digests))
 }
 
-/// Copies the files that a scene names beside the scene's file.
+/// Copies the files that a scene names into the folder of the scene's file.
 pub(super) fn keep_copies(path: &Path, scene: &SceneFiles) -> Result<Vec<PathBuf>> {
     WholeFile::keep_all(scene.write_copies(path)?)
 }
 
-/// Removes the scene beside a flight or plan whose new scene is written elsewhere.
+/// Removes the scene beside a flight or plan if its new scene is written elsewhere.
 pub(super) fn forget_scene(path: &Path) {
     let _ = std::fs::remove_file(CarriedScene::path_beside(path));
 }

@@ -1,4 +1,4 @@
-//! Flags of the picture: the camera and its position, the size or paper, and the compute device.
+//! Flags that set the picture's camera, its position, the size or paper, and the compute device.
 
 use std::path::PathBuf;
 
@@ -15,7 +15,7 @@ use clap::Args;
 /// Flags that select the camera.
 #[derive(Debug, Args)]
 pub(super) struct CameraFlags {
-    /// Camera: the camera of another scene, or auto (straight in front of the word, which it
+    /// Camera, which is that of another scene, or auto (directly in front of the word, which it
     /// frames)
     #[arg(long, value_name = "SCENE|auto")]
     camera: Option<String>,
@@ -38,7 +38,7 @@ impl CameraFlags {
         Ok(scene)
     }
 
-    /// Sets the camera of the scene to the one that was typed.
+    /// Sets the camera of the scene to the one that the flags select.
     pub(super) fn apply(&self, scene: &mut Scene) -> Result<()> {
         match self.camera.as_deref() {
             None => {}
@@ -79,7 +79,7 @@ fn place(text: &str) -> std::result::Result<[f64; 3], String> {
     numbers(text, &[',']).ok_or_else(|| "wanted X,Y,Z in meters, such as 1.2,-3.5,1.4".to_owned())
 }
 
-/// Flags of the picture: the camera, the size and the device that computes it.
+/// Flags of the picture, which set the camera, the size, and the device that computes the exposure.
 #[derive(Debug, Args)]
 pub(super) struct PictureFlags {
     #[command(flatten)]
@@ -87,22 +87,21 @@ pub(super) struct PictureFlags {
     #[command(flatten)]
     stand: StandFlag,
     /// Size of the picture in pixels, such as 1920x1080, or of a print, such as A2@150 or
-    /// 600x400mm@150, as its paper in landscape format and its dots per inch. A print has the noise
-    /// of the camera's sensor, resampled to its dots
+    /// 600x400mm@150, as its paper in landscape format and its dots per inch. A print contains the
+    /// noise of the camera's sensor, resampled to the print's dots
     #[arg(long, value_name = "WxH|PAPER@DPI", value_parser = size)]
     size: Option<Size>,
-    /// Device that computes the exposure, with the same bits on every device
+    /// Device that computes the exposure. The result is the same on every device
     #[arg(long, value_name = "NAME", default_value = "auto", value_parser = named::<BackendChoice>())]
     pub(super) backend: BackendChoice,
 }
 
 impl PictureFlags {
-    /// Sets the camera and the size of the scene to those that were typed.
+    /// Sets the camera and the picture size of the scene to those that the flags select.
     pub(super) fn apply(&self, scene: &mut Scene) -> Result<()> {
         self.camera.apply(scene)?;
         self.stand.apply(scene)?;
-        // A dot of a print is larger than a photosite, and collects the charge of several
-        // photosites.
+        // A dot of a print combines the charge of several smaller photosites.
         if let Some(Size { px: [width_px, height_px], dots_per_inch }) = self.size {
             let Scene { camera, photo, .. } = scene;
             if let Noise::Emva1288(noise) = &mut photo.noise
@@ -132,8 +131,8 @@ struct Size {
     dots_per_inch: Option<f64>,
 }
 
-/// Longer sides of the papers A0 to A6 in mm (ISO 216). Each is also the shorter side of the next
-/// larger paper.
+/// Longer sides of the paper sizes A0 to A6 in mm (ISO 216). Each is also the shorter side of the
+/// next larger size.
 const PAPER_MM: [f64; 7] = [1189.0, 841.0, 594.0, 420.0, 297.0, 210.0, 148.0];
 
 /// Parses a size: pixels such as `1920x1080`, or paper and dots per inch such as `A2@150`.
@@ -151,7 +150,7 @@ fn size(text: &str) -> std::result::Result<Size, String> {
     size.ok_or_else(|| wanted.to_owned())
 }
 
-/// Returns the size of a print from its paper and its dots per inch.
+/// Returns the size of a print, given its paper and its dots per inch.
 fn print_size(paper: &str, dots: &str) -> Option<Size> {
     let dots: f64 = dots.parse().ok().filter(|dots| (10.0..=2400.0).contains(dots))?;
     let number = paper.strip_prefix(['A', 'a']).and_then(|n| n.parse().ok());
@@ -199,7 +198,7 @@ mod tests {
             scene
         }
         let Noise::Emva1288(poster) = on(&["A2@150"]).photo.noise else { panic!("a sensor") };
-        // The width of 6000 photosites is divided among 3508 dots.
+        // A width of 6000 photosites is divided into 3508 dots.
         let n = (6000.0_f64 / 3508.0).powi(2);
         assert!((poster.full_well_e / 50_000.0 / n - 1.0).abs() < 1e-12, "{poster:?}");
         let Noise::Emva1288(twice) = on(&["A4@150", "A2@150"]).photo.noise else { panic!() };

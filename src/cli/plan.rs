@@ -24,12 +24,12 @@ pub(super) struct PlanArgs {
     /// Word to write [default: the scene's]
     #[arg(conflicts_with = "drawing")]
     word: Option<String>,
-    /// The word, even if a file has this name
+    /// Word to write, even if a file has this name
     #[arg(long = "word", value_name = "WORD", conflicts_with_all = ["word", "drawing"])]
     as_word: Option<String>,
     #[command(flatten)]
     design: DesignFlags,
-    /// Flight or log of the same drone whose mean error is subtracted from every setpoint
+    /// Flight or log of the same drone, whose mean error is subtracted from every setpoint
     #[arg(long, value_name = "FILE")]
     after: Option<PathBuf>,
     #[command(flatten)]
@@ -52,8 +52,7 @@ pub(super) fn run(args: &PlanArgs) -> Result<Report> {
         set_word(&mut scene, word);
     }
     frame(&mut scene)?;
-    // The output is opened before the long computation, so that a wrong path is refused
-    // immediately.
+    // The output is opened before the long computation, to refuse a wrong path early.
     let strokes = scene.strokes()?;
     let svg = args.output.as_deref().filter(|path| is_svg(path));
     let outputs = match svg {
@@ -79,7 +78,7 @@ pub(super) fn run(args: &PlanArgs) -> Result<Report> {
     Ok(report.with_files(&files))
 }
 
-/// Marks the lit samples of a log as a single letter, because a log has no letters.
+/// Marks the lit samples of a log as a single letter, because a log does not record letters.
 fn written_where_lit(mut flight: Flight) -> Flight {
     if flight.samples.iter().all(|sample| sample.letter.is_none()) {
         flight.edit(|flight| {
@@ -100,7 +99,7 @@ fn light_s(plan: &Plan) -> f64 {
 
 /// Returns the report on the plan of each drone and of all drones together.
 fn described(word: &str, planned: &[Planned]) -> Report {
-    // A streak is light beyond the end of a stroke. The report gives the longest streak.
+    // A streak is light beyond the end of a stroke. The report contains the longest streak.
     fn drone(Planned { plan, ends }: &Planned) -> Value {
         let ends = ends.iter().map(|end| {
             json!({
@@ -116,7 +115,7 @@ fn described(word: &str, planned: &[Planned]) -> Report {
             "worst_streak_mm": streaks_mm.max_by(f64::total_cmp), "stroke_ends": ends,
         })
     }
-    // Drones fly at the same time, so that the longest plan determines the duration of the word.
+    // Because the drones fly simultaneously, the longest plan determines the duration of the word.
     let durations_s = planned.iter().map(|planned| planned.plan.duration_s());
     let product = json!({
         "word": word, "duration_s": durations_s.fold(0.0, f64::max),

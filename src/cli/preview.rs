@@ -1,4 +1,4 @@
-//! `noctograph preview` makes the photograph of a word and its verdict.
+//! `noctograph preview` takes the photograph of a word and judges it.
 
 use std::path::{Path, PathBuf};
 
@@ -44,13 +44,13 @@ pub(super) struct PreviewArgs {
     profile: ProfileFlags,
     #[command(flatten)]
     spread: SpreadFlags,
-    /// Fly the exported trajectory of this form, decoded as the firmware does
+    /// Fly the exported trajectory in this form, decoded as in the firmware
     #[arg(long, value_name = "FORM", value_parser = named::<Form>())]
     as_exported: Option<Form>,
     /// Also write report.html, a single page with all results to print or to hand in
     #[arg(long)]
     report: bool,
-    /// Log of the flight, whose photo is compared with this one, letter by letter
+    /// Log of a real flight whose photo is compared with this one, letter by letter
     #[arg(long, value_name = "LOG")]
     flown: Option<PathBuf>,
     /// Folder for photo.png, flight.csv, plan.csv, scene.toml and, for a word, verdict.json
@@ -59,10 +59,10 @@ pub(super) struct PreviewArgs {
 }
 
 pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
-    // The graphics device gets ready while the word is planned.
+    // The graphics device is prepared while the word is planned.
     let developer = Developer::start(tried(args.picture.backend)?);
     let shoot = planned(args)?;
-    // Conditions and folder are checked before the long computation, because they may be refused.
+    // Conditions and folder, which may be refused, are checked before the long computation.
     let conditions = args.spread.conditions()?;
     let flown = args.flown.as_deref().map(|log| flown::prepared(&shoot, log)).transpose()?;
     let mut folder = OutputFolder::create(&args.output)?;
@@ -79,8 +79,8 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     let obstacles: Vec<String> = problems(true).map(sentence).collect();
     warn(problems(false).map(sentence));
 
-    // After the photograph is taken, its files, the spread, helpful changes and the findings of
-    // `check` are written.
+    // After the photograph is taken, its files are written, and the spread, the helpful changes and
+    // the findings of `check` are computed.
     let verdict = shot.verdict.as_ref();
     let json = show::verdict_json(verdict, shot.flight_sha256());
     write(&shot, &json, &args.output, &mut folder)?;
@@ -93,8 +93,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     };
     let placement = shot.placement(&profile)?;
     warn_of_no_place(placement.as_ref());
-    // A camera behind a wall is not a stop here but only causes a warning, because its photo is
-    // taken all the same.
+    // A camera behind a wall causes only a warning here, because its photo is taken nevertheless.
     let stops = findings::stops(findings.iter().filter(|it| it.code != CAMERA_PLACE));
 
     // The parts of the report are added in reading order.
@@ -164,12 +163,12 @@ fn planned(args: &PreviewArgs) -> Result<Shoot> {
     let Some(form) = args.as_exported else { return Ok(shoot) };
     warn_of_trailing(&shoot);
     let shoot = shoot.as_exported(form, form.tolerance_m(), Length::OnBoard)?;
-    // The slow firmware clock applies only to the compressed form, because Crazyswarm2's script,
-    // which flies the other form, compensates it by speeding up the trajectory.
+    // The slow firmware clock applies only to the compressed form. The other form is flown by
+    // Crazyswarm2's script, which compensates for the clock by speeding up the trajectory.
     Ok(if form == Form::Compressed { shoot.by_firmware_clock() } else { shoot })
 }
 
-/// Warns of a camera for which the room has no place.
+/// Warns if the room has no place for the camera.
 fn warn_of_no_place(placement: Option<&ShotPlan>) {
     let camera = placement.and_then(|plan| plan.cameras.first());
     warn(camera.filter(|camera| camera.tripod_m.is_none()).map(|camera| {
@@ -186,18 +185,17 @@ fn write(shot: &Shot, verdict: &Value, path: &Path, folder: &mut OutputFolder) -
     let former = path.join(VERDICT);
     match shot.verdict {
         Some(_) => folder.write(VERDICT, format!("{verdict:#}\n")).map(drop)?,
-        // The file of an earlier verdict is removed, because it would be mistaken for the verdict
-        // on this photograph.
+        // The file of an earlier verdict, which is not about this photograph, is removed.
         None if former.is_file() => folder.replaces(vec![former]),
         None => {}
     }
     Ok(())
 }
 
-/// Returns the text of the verdict. Changes of settings that were simulated replace the advice on
-/// strokes, because they are more reliable.
+/// Returns the text of the verdict. If changes of settings were simulated, they replace the advice
+/// on strokes, because they are more reliable.
 fn verdict_text(shot: &Shot, remedies: &[Remedy]) -> String {
-    // A drawing has no verdict, and neither has a word with letters that the reader does not know.
+    // There is no verdict on a drawing, or on a word with letters that the reader does not know.
     match &shot.verdict {
         Some(verdict) if !remedies.is_empty() => {
             let verdict = Verdict { advice: Vec::new(), ..verdict.clone() };

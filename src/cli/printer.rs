@@ -66,8 +66,7 @@ fn strip(line: &str, first: char, second: char) -> Option<(&str, &str)> {
     line.strip_prefix(first)?.split_once(second)
 }
 
-/// Returns the results of a function for the items of a list, or `None` if no scope contains the
-/// list.
+/// Applies a function to each item of a list. Returns `None` if no scope contains the list.
 fn each<T>(path: &str, scopes: &[&Value], item: impl Fn(&[&Value]) -> T) -> Option<Vec<T>> {
     let items = value(path, scopes)?.as_array().into_iter().flatten().enumerate();
     let items = items.map(|(index, value)| {
@@ -77,9 +76,9 @@ fn each<T>(path: &str, scopes: &[&Value], item: impl Fn(&[&Value]) -> T) -> Opti
     Some(items.collect())
 }
 
-/// Returns a line of a layout with its values, or an empty text if the line is omitted.
+/// Fills the values into a line of a layout, or returns an empty text if the line is omitted.
 fn filled(line: &str, scopes: &[&Value]) -> String {
-    // The name ends at the first two spaces, and the words follow.
+    // The name ends at the first two spaces, which the words follow.
     let begin = line.find(|c| c != ' ').unwrap_or(0);
     let end = line[begin..].find("  ").map_or(begin, |end| begin + end);
     let (head, words) = line.split_at(end + line[end..].find(|c| c != ' ').unwrap_or(0));
@@ -93,7 +92,7 @@ fn filled(line: &str, scopes: &[&Value]) -> String {
     }
 }
 
-/// Returns a name with text wrapped beside it, or below it if the name fills its column.
+/// Returns a name with text wrapped beside it, or below it if the name is as wide as its column.
 fn beside(name: &str, width: usize, text: &str) -> String {
     match name.chars().count() < width.max(1) {
         true => wrapped(&format!("{name:width$}"), text),
@@ -106,7 +105,7 @@ pub(super) fn line(name: &str, text: &str) -> String {
     beside(name, NAME_WIDTH, text)
 }
 
-/// Returns a line with its values, or `None` if one of them is null.
+/// Fills the values into a line, or returns `None` if one of them is null.
 fn fill(line: &str, scopes: &[&Value]) -> Option<String> {
     let (mut text, mut rest) = (String::new(), line);
     while let Some(begin) = rest.find(['{', '[']) {
@@ -194,8 +193,8 @@ fn value<'a>(path: &str, scopes: &[&'a Value]) -> Option<&'a Value> {
     scopes.rev().find_map(|scope| keys().try_fold(*scope, step))
 }
 
-/// Returns the text for a path that no scope contains. The path is printed, because its line would
-/// otherwise disappear without notice.
+/// Returns the text for a path that no scope contains. The path itself is printed, because its line
+/// would otherwise disappear silently.
 fn unknown(path: &str) -> String {
     format!("{{{path}}}")
 }
@@ -213,7 +212,7 @@ pub(super) fn table(head: &str, rows: &[Vec<String>]) -> String {
     let columns: Vec<(&str, &str, bool, usize)> = columns.collect();
     let names = columns.iter().map(|(name, ..)| (*name).to_owned()).collect();
     let units: Vec<String> = columns.iter().map(|(_, unit, ..)| (*unit).to_owned()).collect();
-    // Units, if there are any, have a separate line.
+    // Units, if there are any, are printed on a separate line.
     let has_units = units.iter().any(|unit| !unit.is_empty());
     let heads = [names, units].into_iter().take(if has_units { 2 } else { 1 });
     let heads: Vec<Vec<String>> = heads.filter(|_| !rows.is_empty()).collect();
@@ -232,7 +231,7 @@ pub(super) fn table(head: &str, rows: &[Vec<String>]) -> String {
 pub(super) fn wrapped(head: &str, text: &str) -> String {
     let indent = head.chars().count();
     let mut lines = head.to_owned();
-    // Lines are filled greedily: a word moves to the next line if it does not fit on this line.
+    // Lines are filled greedily. A word that does not fit on a line begins the next one.
     for (index, paragraph) in text.lines().enumerate() {
         if index > 0 {
             lines += &format!("\n{:indent$}", "");

@@ -7,7 +7,7 @@ use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 
 use crate::shoot::Stage;
 
-/// A progress bar for work that takes longer than [`PATIENCE`].
+/// Progress bar for work that takes longer than [`PATIENCE`].
 #[derive(Debug)]
 pub(super) struct Progress {
     what: &'static str,
@@ -32,7 +32,7 @@ impl Progress {
 
     /// Shows the fraction of the work that is done, from 0 to 1.
     pub(super) fn update(&mut self, done_frac: f64) {
-        // The bar appears only after a delay, so that short work does not make it flash.
+        // The bar appears only after a delay, so that it does not flash during short work.
         if self.bar.is_none() && self.start.elapsed() > PATIENCE {
             let style = ProgressStyle::with_template("{msg:10} {bar:50} {percent:>3} % {eta:>5}");
             let bar = ProgressBar::new(STEPS).with_message(self.what);

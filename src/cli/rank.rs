@@ -1,4 +1,4 @@
-//! `noctograph rank` orders scenes by the probability that their words are read.
+//! `noctograph rank` ranks scenes by the probability that their words are read.
 
 use std::path::PathBuf;
 
@@ -34,8 +34,8 @@ pub(super) struct RankArgs {
     /// these are submissions, as files or folders
     #[arg(required = true, value_name = "SCENE")]
     scenes: Vec<String>,
-    /// Task for grading. Each submission, which is a scene or a few of its keys, flies this scene
-    /// with the keys that --may allows. A submission that changes other keys is refused
+    /// Task for grading. This scene is flown with those keys of each submission, a scene or a few
+    /// keys, that --may allows. A submission that changes other keys is refused
     #[arg(long, value_name = "SCENE")]
     task: Option<String>,
     /// Key, or all keys of a table, that a submission may change (may be repeated). Keys that name
@@ -45,16 +45,16 @@ pub(super) struct RankArgs {
     may: Vec<String>,
     #[command(flatten)]
     study: StudyFlags,
-    /// Fly only one part of the flights, such as 3/20 for part 3 of 20, into the folder of --parts,
-    /// unless this part exists, and do not rank
+    /// Fly only a part of the flights, such as 3/20 for part 3 of 20, into the folder of --parts,
+    /// unless the part exists, and do not rank
     #[arg(long, value_name = "I/N", requires = "parts")]
     shard: Option<String>,
     /// Folder of the shards, whose flights are not flown again
     #[arg(long, value_name = "DIR")]
     parts: Option<PathBuf>,
     /// Also find the smallest legible letters, with N more seeds of each word at each of seven cap
-    /// heights, 4 to 32 % of the scene's, with a narrow lamp. The heights distinguish controllers
-    /// with a P(read) above 0.96, which P(read) does not distinguish
+    /// heights, 4 to 32 % of the scene's, with a narrow lamp. The smallest height distinguishes
+    /// controllers even above a P(read) of 0.96
     #[arg(long, value_name = "N", conflicts_with = "shard")]
     acuity: Option<u32>,
     /// Folder for flights.jsonl, flights.csv, ranking.csv, ranking.json and photos.png (with --task
@@ -63,15 +63,16 @@ pub(super) struct RankArgs {
     output: PathBuf,
 }
 
-/// Default number of seeds per word of a task. Thirty LQRs whose mean P(read) of TEA ranges from
-/// 0.68 to 0.96 occupy eight places with 100 seeds, but only two with 20.
+/// Default number of seeds per word of a task. With 100 seeds, thirty LQRs whose mean P(read) of
+/// TEA ranges from 0.68 to 0.96 are divided into eight distinguishable ranks, but with 20 seeds
+/// only into two.
 const GRADED_SEEDS: u32 = 100;
 
 pub(super) fn run(args: &RankArgs) -> Result<Report> {
     let shard = args.shard.as_deref().map(str::parse::<Shard>).transpose()?;
     let conditions = args.study.conditions()?;
     let (contenders, unranked) = args.contenders(&conditions)?;
-    // A study has no contender if all submissions were refused. The ranking then only lists them.
+    // If all submissions were refused, there are no contenders, and the ranking only lists them.
     let least = least_flights(contenders.len());
     let usual = if args.task.is_some() { GRADED_SEEDS } else { 50 };
     let (words, seed) = (args.study.words(usual)?, args.study.seed);
@@ -99,7 +100,7 @@ pub(super) fn run(args: &RankArgs) -> Result<Report> {
         let report = Report::with_layout(json!({ "flights": flights }), "flights   {flights}");
         return Ok(report.with_files(&[path]));
     }
-    // Without a shard, all flights that neither a shard nor an earlier run has flown are flown, and
+    // Without `--shard`, all flights that are missing from shards and earlier runs are flown, and
     // the scenes are ranked.
     let ready = study.prepare()?;
     let parts = args.parts.as_deref().map(|folder| shards(&study, &ready, folder)).transpose()?;
@@ -133,16 +134,16 @@ pub(super) fn run(args: &RankArgs) -> Result<Report> {
     Ok(report.passes(ranking.unranked.is_empty()))
 }
 
-/// Name of the chart of photographs with decreasing heights of the letters.
+/// Name of the chart of photographs with decreasing letter heights.
 const ACUITY: &str = "acuity.png";
 
 impl RankArgs {
-    /// Returns the study on each rung of the ladder of --acuity, or none without this flag.
+    /// Returns the study on each rung of the ladder of --acuity, or none without it.
     fn ladder(&self, study: &Study) -> Result<Vec<Study>> {
         let Some(n) = self.acuity.filter(|_| !study.contenders.is_empty()) else {
             return Ok(Vec::new());
         };
-        // Every rung has the same words at a different height.
+        // Every rung uses the same words at a different letter height.
         let words = study.words.iter().map(|(word, _)| (word.clone(), n)).collect();
         let ladder = Study { words, ..study.clone() }.ladder();
         ladder.iter().try_for_each(Study::check).map(|()| ladder)

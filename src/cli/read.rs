@@ -1,4 +1,4 @@
-//! `noctograph read` recognizes the word in a photograph without knowing it.
+//! `noctograph read` recognizes the word in a photograph without being told it.
 
 use std::path::PathBuf;
 
@@ -63,7 +63,7 @@ pub(super) fn read_upright(photo: Photo, word: &str) -> (Photo, Reading) {
     if has_bright_edge(&photo) {
         message("note: ", "the photo's border is bright: crop it, or invert dark writing");
     }
-    // Smaller writing, such as a photographer's credit, is mentioned in a note and ignored.
+    // Smaller writing, such as a photographer's credit, is ignored, but mentioned in a note.
     let (reading, quarters) = read_any_way_up(&photo, word);
     if !reading.smaller.is_empty() {
         let text = reading.smaller.replace('\n', " ");
@@ -90,7 +90,7 @@ pub(super) fn read_upright(photo: Photo, word: &str) -> (Photo, Reading) {
     (quarter_turned(&photo, quarters), reading)
 }
 
-/// Rectifies the photo's line of writing if corners or a camera are given.
+/// Rectifies the photo's line of writing if its corners or a camera are given.
 fn square_on(photo: Photo, corners: Option<&Corners>, flags: &CameraFlags) -> Result<Photo> {
     if let Some(Corners(corners_px)) = corners {
         return View::rectified_by_corners(&photo, *corners_px);
@@ -98,7 +98,7 @@ fn square_on(photo: Photo, corners: Option<&Corners>, flags: &CameraFlags) -> Re
     if !flags.is_given() {
         return Ok(photo);
     }
-    // The scene needs no word, because a fixed camera does not depend on the bounds of a word.
+    // The scene needs no word, because a fixed camera does not depend on a word's bounds.
     let mut scene = flags.scene()?;
     (scene.camera.width_px, scene.camera.height_px) = (photo.width_px, photo.height_px);
     let fixed = matches!(scene.camera.framing, Framing::Fixed(_)) && !scene.has_strokes();

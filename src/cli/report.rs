@@ -25,18 +25,18 @@ pub(super) struct ReportArgs {
     output: PathBuf,
 }
 
-/// Limit on the size of a drawing or a table.
+/// Size limit for a drawing or a table.
 const LIMIT: Limit =
     Limit { bytes: 8 << 20, what: "a drawing or table", hint: "take it out of the folder" };
 /// Maximum number of files in a page.
 const MAX_FILES: usize = 40;
 /// Maximum number of rows of a table in a page.
 const MAX_ROWS: usize = 60;
-/// Number of columns from which a table with fewer rows than columns is transposed.
+/// Minimum number of columns at which a table with fewer rows than columns is transposed.
 const MAX_COLUMNS: usize = 8;
-/// Size in bytes of the largest table that a page shows. Tables of flights are larger.
+/// Maximum size, in bytes, of a table that a page shows. Tables of flights are larger.
 const MAX_TABLE_BYTES: u64 = 200_000;
-/// Longest side of a photo in the page, in pixels.
+/// Maximum length of a photo's longer side in the page, in pixels.
 const MAX_PX: u32 = 1920;
 /// JPEG quality of a photo in the page, out of 100.
 const QUALITY: u8 = 82;
@@ -47,7 +47,7 @@ pub(super) fn run(args: &ReportArgs) -> Result<Report> {
     let title = name(std::path::absolute(&args.folder).unwrap_or_else(|_| args.folder.clone()));
     // The page and the report list the files that are not shown.
     let (mut shown, mut page) = (Vec::new(), Page::new(&title, &lead(&files)?));
-    // Photos come first, followed by drawings, settings and tables.
+    // The files are sorted into photos, drawings, settings and tables.
     fn rank(path: &&PathBuf) -> Option<usize> {
         let order = ["png", "svg", "toml", "csv"];
         order.iter().position(|end| *end == ending(path))
@@ -90,7 +90,7 @@ left out  {more} files more than the {most} of a page
 not shown\t{others}
 ";
 
-/// True if a page shows a file.
+/// True if a file is shown in the page.
 fn shows(path: &Path) -> bool {
     let small = || path.metadata().is_ok_and(|file| file.len() <= MAX_TABLE_BYTES);
     match &*ending(path) {
@@ -105,8 +105,7 @@ fn shows(path: &Path) -> bool {
     }
 }
 
-/// Returns the verdict on the folder's photo as a sentence, or an empty text if there is no
-/// verdict.
+/// Returns the verdict on the folder's photo as a sentence, or an empty text if there is none.
 fn lead(files: &[PathBuf]) -> Result<String> {
     let Some(path) = files.iter().find(|path| name(path).eq_ignore_ascii_case("verdict.json"))
     else {

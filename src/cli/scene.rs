@@ -14,7 +14,7 @@ use serde_json::json;
 pub(super) struct SceneArgs {
     /// Word of the scene
     word: Option<String>,
-    /// The word, even if a file has this name
+    /// Word of the scene, even if a file has this name
     #[arg(long = "word", value_name = "WORD", conflicts_with_all = ["word"])]
     as_word: Option<String>,
     /// Preset to start from, like --scene
@@ -37,8 +37,7 @@ pub(super) fn run(args: &SceneArgs) -> Result<Report> {
         word.clone_into(&mut scene.word);
     }
     let Some(path) = &args.output else {
-        // Paths are relative to the current folder, into which a shell most likely redirects this
-        // output.
+        // Paths are relative to the current folder, where the output is probably redirected.
         let files = scene.in_folder(Path::new(""), "")?;
         let toml = if files.copies.is_empty() { files.toml } else { scene.to_toml() };
         return Ok(Report::new(toml, &scene));

@@ -30,18 +30,18 @@ pub(super) struct ScoreArgs {
     photo: PathBuf,
     /// Expected word [default: the scene's]
     word: Option<String>,
-    /// The word, even if a file has this name
+    /// Expected word, even if a file has this name
     #[arg(long = "word", value_name = "WORD", conflicts_with_all = ["word"])]
     as_word: Option<String>,
     #[command(flatten)]
     scene: SceneFlags,
     #[command(flatten)]
     camera: CameraFlags,
-    /// Corners of the word in the photo, clockwise from the upper left, in pixels, instead of a
+    /// Corners of the word in the photo, in pixels, clockwise from the upper left, in place of a
     /// camera
     #[arg(long, value_name = "X,Y X,Y X,Y X,Y", allow_hyphen_values = true, conflicts_with_all = ["camera", "camera_from"])]
     corners: Option<Corners>,
-    /// Plan that was flown, which is refused unless it writes the word
+    /// Plan that was flown, which must write the word
     #[arg(long, value_name = "FILE")]
     plan: Option<PathBuf>,
     /// Flights or logs that the photo shows, which provide speed, lag and contour error
@@ -49,8 +49,8 @@ pub(super) struct ScoreArgs {
     flight: Vec<PathBuf>,
     #[command(flatten)]
     flights: FlightFlags,
-    /// Open the font or drawing that the photo's scene names, relative to the photo's folder. The
-    /// author of the photo chose this name
+    /// Open the font or drawing that the photo's scene names, relative to the photo's folder. Only
+    /// use this for photos from authors that you trust
     #[arg(long)]
     trust: bool,
     /// Picture to write, PNG or SVG: the photo with intended strokes (green), missing ones (pink),
@@ -64,8 +64,8 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     let output = args.output.as_deref().map(Output::create).transpose()?;
     let (mut photo, notes) = photo::read_with_notes(&args.photo)?;
 
-    // The scene is the one named by --scene, or else the one in the photo, whose files are opened
-    // only with --trust.
+    // The scene is the one named by --scene, or else the one in the photo. Files that the photo's
+    // scene names are opened only with --trust.
     let inside = photo.scene_toml.clone().filter(|_| !args.scene.is_given());
     let has_camera = args.scene.is_given() || inside.is_some() || args.camera.is_given();
     let file = format!("{} (scene)", args.photo.display());
@@ -85,7 +85,7 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
         (photo, reading) = (upright.0, Some(upright.1));
     }
     (scene.camera.width_px, scene.camera.height_px) = (photo.width_px, photo.height_px);
-    // The camera framed the word that was flown, even if the photo is judged for another word.
+    // The camera framed the word that was flown, even if the photo is judged against another word.
     let flown = scene.has_strokes().then(|| scene.strokes()).transpose()?;
     if let Some(flown) = flown.as_ref().filter(|_| foreign.is_some()) {
         check_strokes(flown, notes.strokes_sha256.as_deref(), file)?;
@@ -122,7 +122,7 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
         }
     };
 
-    // Speed, lag and gaps of the flight explain faults better than the photo does.
+    // The speed, lag and gaps of the flight explain faults better than the photo does.
     let mut flights = Vec::new();
     FLIGHTS.check_all(&args.flight)?;
     for path in &args.flight {
@@ -148,7 +148,7 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     }
     let json = show::verdict_json(Some(&verdict), flight_sha256(&flights));
     let mut report = Report::new(show::verdict_table(&verdict), json);
-    // The scene in a photo is of unknown origin, so that `score` does not simulate it.
+    // `score` does not simulate the scene in a photo, because its origin is unknown.
     if inside.is_some() && !verdict.legible {
         let again = format!("`noctograph preview --scene {}`", shell_word(&args.photo));
         let text = format!("{again} simulates its scene again, and suggests settings that help");

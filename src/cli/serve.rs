@@ -23,14 +23,14 @@ use serde_json::{Value, json};
 #[expect(clippy::struct_excessive_bools, reason = "flags of the command line")]
 #[derive(Debug, Args)]
 pub(super) struct ServeArgs {
-    /// Scene from which the page starts
+    /// Scene that the page's controls show at the start
     #[arg(long, value_name = "SCENE")]
     scene: Option<String>,
-    /// Port, or 0 for the port of the gallery's address or else a free port
+    /// Port, or 0 for the port that the gallery stores or else a free port
     #[arg(long, value_name = "N", default_value_t = 0)]
     port: u16,
-    /// Folder that stores the address and the visitors' entries [default: kept only until the
-    /// program ends]
+    /// Folder that stores the address and the visitors' entries [default: none, so that both are
+    /// lost when the program ends]
     #[arg(long, value_name = "DIR")]
     gallery: Option<PathBuf>,
     /// Also serve the local network. Whoever has the address may write, draw and send
@@ -46,18 +46,18 @@ pub(super) struct ServeArgs {
     /// Folder with the host's title and sentences (brand.toml) and logo (logo.svg)
     #[arg(long, value_name = "DIR")]
     brand: Option<PathBuf>,
-    /// Folder of the scripts that fly and of their logs, whose light the wall shows as it is
-    /// written
+    /// Folder of the scripts that fly and of their logs, whose light the wall shows during the
+    /// flight
     #[arg(long, value_name = "DIR")]
     flights: Option<PathBuf>,
-    /// WebAssembly module, which `src/photo_service/build` writes, with which visitors' browsers
-    /// make their own photos
+    /// WebAssembly module, built by `src/photo_service/build`, with which visitors' browsers make
+    /// their own photos
     #[arg(long, value_name = "FILE")]
     module: Option<PathBuf>,
     /// Open the page in the browser
     #[arg(long)]
     open: bool,
-    /// Make what a server asks for, on standard input
+    /// Run the jobs that a server sends on standard input
     #[arg(long, hide = true)]
     worker: bool,
 }
@@ -75,15 +75,14 @@ fn serve(args: &ServeArgs, program: Program) -> Result<()> {
     // The page starts from this scene, and each visitor changes a copy of it.
     let named = args.scene.as_deref().unwrap_or(Preset::default().name());
     let mut scene = Scene::find(named, &[])?.scene;
-    // A test word detects a scene that cannot be flown here instead of at each visitor's photo. A
-    // typeface of another script may lack this letter.
+    // A test word detects a scene that cannot be flown before the first visitor's photo. A typeface
+    // of another script may lack its letter.
     scene.set_word("A");
     match Shoot::new(scene.clone()) {
         Ok(_) | Err(Error::Letter { .. }) => {}
         Err(error) => return Err(error),
     }
-    // Browsers cannot read files of this machine, so that all photos of a scene with files are made
-    // here.
+    // Photos of a scene with files are made here, because browsers cannot read its files.
     let is_whole = scene.files_mut().all(|file| file.is_empty() || !Path::new(file).is_absolute());
     let has_room = scene.expose.room_m.is_some();
     let config = ServerConfig {
@@ -154,7 +153,7 @@ fn object(page: &str, addresses: &Addresses) -> Value {
 
 /// Returns the addresses as text.
 fn table(args: &ServeArgs, page: &str, addresses: &Addresses, has_room: bool) -> String {
-    // The address for the network is followed by a line on what it allows.
+    // The network address is followed by a line that says what it allows.
     let mut text = line("page", page);
     if args.network && addresses.network.is_none() {
         text += &line("network", "none: connect this machine to one, and start again");
@@ -178,8 +177,7 @@ fn table(args: &ServeArgs, page: &str, addresses: &Addresses, has_room: bool) ->
     if let Some([visitors, kiosk]) =
         addresses.network.as_ref().filter(|_| std::io::stdout().is_terminal())
     {
-        // The printed QR code is meant for the cameras of tablets. Phones scan the code on the
-        // wall.
+        // The printed QR code is meant for tablets. Phones scan the code on the wall.
         text += &printed_code(if args.kiosk { kiosk } else { visitors });
     }
     text

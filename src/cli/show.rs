@@ -12,9 +12,9 @@ use crate::shoot::Shot;
 use crate::tracking::{Part, Tracking, track};
 use serde_json::{Value, json};
 
-/// Returns the text of a verdict: lines for the word, a row for each letter, and advice.
+/// Returns the text of a verdict, with lines for the word, a row for each letter, and advice.
 pub fn verdict_table(verdict: &Verdict) -> String {
-    // The second opinion is the reading without knowledge of the word, shown if it is not empty.
+    // The second opinion, the reading without the word, is shown unless it is empty.
     let second = verdict.second_opinion.as_deref().filter(|text| !text.is_empty());
     let words = json!({
         "sentence": verdict_sentence(verdict),
@@ -132,14 +132,14 @@ pub(super) fn flight_report(flight: &Flight, sha256: &str, known: Option<Trackin
         }
     }
     figures["sha256"] = sha256.into();
-    // Figures that a flight does not have are set to null, so that the layout omits them.
+    // Figures that a flight lacks are set to null, so that the layout omits them.
     for key in ["rmse_after_lag_m", "least_cap_height_m", BATTERY_V, ENERGY_J] {
         words[key] = json!(figures.get(key));
     }
     Report::with_words(figures, &words, FLIGHT)
 }
 
-/// Lag, in s, below which it is called a lead, which corresponds to 4 mm of a stroke.
+/// Lag, in s, below which it is called a lead. It corresponds to 4 mm of a stroke.
 pub(super) const LEAD_S: f64 = -0.02;
 
 const FLIGHT: &str = "\

@@ -1,4 +1,5 @@
-//! The ensemble of a preview: many flights under varied conditions, their photos and their bands.
+//! The ensemble of a preview, which consists of many flights under varied conditions, with their
+//! photos and bands.
 
 use super::outcome::Report;
 use super::output::OutputFolder;
@@ -20,9 +21,9 @@ pub(super) struct SpreadFlags {
     /// spread-xz.svg, spread.png)
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(2..=1000))]
     spread: Option<u16>,
-    /// How the flights of --spread vary: room (the scene's drone in varied rooms and evenings),
-    /// drone (also varied drones of its make), evening (like room, with faults of radio, heading,
-    /// propeller and battery), still (only noise), or a TOML file
+    /// Conditions under which the flights of --spread vary: room (the scene's drone in varied rooms
+    /// and evenings), drone (also varied drones of the same model), evening (like room, with faults
+    /// of radio, heading, propeller and battery), still (only noise), or a TOML file
     #[arg(long, value_name = "NAME|FILE", default_value = "room", requires = "spread")]
     conditions: String,
 }
@@ -80,7 +81,7 @@ impl SpreadFlags {
 }
 
 fn described(spread: &Spread, title: &str) -> Report {
-    // There is no photo of a flight that lost its drone, and no verdict on a drawing.
+    // A flight that lost its drone has no photo, and a drawing has no verdict.
     let flights = spread.flights.iter().map(|SpreadFlight { seed, shot, .. }| match shot {
         Err(lost) => json!({ "seed": seed, "lost": lost }),
         Ok(shot) => {

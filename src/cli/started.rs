@@ -1,4 +1,4 @@
-//! Records how this process was started, as the program or by the Python package.
+//! Records whether this process was started as the program or by the Python package.
 
 use std::ffi::OsString;
 use std::process::Command;
@@ -7,8 +7,8 @@ use std::sync::OnceLock;
 static PROGRAM: OnceLock<Vec<OsString>> = OnceLock::new();
 static WORDS: OnceLock<Vec<OsString>> = OnceLock::new();
 
-/// Sets the command that starts this program again, if it is not the executable of this process but
-/// an interpreter with arguments.
+/// Sets the command that starts this program again, if this process runs an interpreter with
+/// arguments instead of the program's executable.
 pub fn starts_as(program: Vec<OsString>) {
     let _ = PROGRAM.set(program);
 }

@@ -35,13 +35,13 @@ pub(super) struct StudyFlags {
     /// Number of seeds of each word [default: rank 50, or 100 with --task, tune 6]
     #[arg(long, value_name = "N")]
     seeds: Option<u32>,
-    /// Seed from which the seeds of all flights are derived. If it is 2^32 or above, nobody can
-    /// find them by trial
+    /// Seed from which the seeds of all flights are derived. A seed of 2^32 or above cannot be
+    /// found by trial
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(super) seed: u64,
-    /// How flights vary: room (the scene's drone in varied rooms and evenings), drone (also varied
-    /// drones of its make), evening (like room, with faults of radio, heading, propeller and
-    /// battery), still (only noise), or a TOML file
+    /// Conditions under which flights vary: room (the scene's drone in varied rooms and evenings),
+    /// drone (also varied drones of the same model), evening (like room, with faults of radio,
+    /// heading, propeller and battery), still (only noise), or a TOML file
     #[arg(long, value_name = "NAME|FILE", default_value = "room")]
     conditions: String,
 }
@@ -60,7 +60,7 @@ impl StudyFlags {
         Conditions::find(&self.conditions)
     }
 
-    /// Returns the words with their numbers of seeds, which is `usual` by default.
+    /// Returns the words, each with its number of seeds, which is `usual` by default.
     pub(super) fn words(&self, usual: u32) -> Result<Vec<(String, u32)>> {
         // The name of an existing file stands for the list of words in it, and the name of a
         // missing file is an error.
@@ -135,9 +135,9 @@ pub(super) fn counter(what: &'static str, total: usize) -> impl Fn(usize) + Sync
     }
 }
 
-/// Names of the files of a ranking: both tables, the ranking as JSON, and a sheet of photos.
+/// Names of a ranking's files, which are two tables, the ranking as JSON, and a sheet of photos.
 pub(super) const RANKING: [&str; 4] = ["ranking.csv", "ranking.json", "flights.csv", "photos.png"];
-/// Names of the files of a ranking of submissions, which include their marks.
+/// Names of the files of a ranking of submissions, which include the marks.
 pub(super) const GRADED: [&str; 5] =
     ["marks.csv", "ranking.csv", "ranking.json", "flights.csv", "photos.png"];
 
@@ -248,12 +248,12 @@ NOT distinguishable ({differ} in P(read), interval for all pairs together):
 
 ";
 
-/// Maximum number of pairs in the text. Thirty scenes have 435 pairs.
+/// Maximum number of pairs in the text. Thirty scenes form 435 pairs.
 const MOST_PAIRS: usize = 30;
 
 /// Shortens the names of scenes to a column of `width` characters, and keeps them distinct.
 fn labels(ranking: &Ranking, width: usize) -> Vec<String> {
-    // One character of the column stays free as a gap.
+    // One character of the column is left free as a gap.
     let names: Vec<&str> = ranking.measures.iter().map(|m| m.contender.as_str()).collect();
     shortened(&names, width - 1)
 }
@@ -267,7 +267,7 @@ pub(super) fn shortened(names: &[&str], n: usize) -> Vec<String> {
     (1..).zip(names).map(|(number, name)| end_of(name, &format!("{number}…"), n)).collect()
 }
 
-/// Returns the name, or `head` followed by the end of a name that has more than `n` characters.
+/// Returns a name unchanged, or `head` followed by its end if it has more than `n` characters.
 fn end_of(name: &str, head: &str, n: usize) -> String {
     match name.chars().count() {
         all if all <= n => name.to_owned(),

@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 /// reading early.
 pub(super) fn print_out(text: &str) -> Result<()> {
     let mut out = std::io::stdout().lock();
-    // Stdout is flushed here, because an error during exit would be lost.
+    // Stdout is flushed here, because a write error during exit would be lost.
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         Err(source) if source.kind() != std::io::ErrorKind::BrokenPipe => {
             Err(Error::write("standard output".as_ref(), source))
@@ -25,8 +25,9 @@ pub(super) fn printable(text: &str) -> String {
     escaped(text, |code| format!("\\u{{{code:x}}}"))
 }
 
-/// Escapes control characters, and characters that change the direction of text, by `escape`,
-/// because names from foreign files must not control a terminal. Line ends and tabs are kept.
+/// Replaces control characters, and characters that change the direction of text, by the result of
+/// `escape`, because names from foreign files must not control a terminal. Keeps line ends and
+/// tabs.
 pub(super) fn escaped(text: &str, escape: impl Fn(u32) -> String) -> String {
     let steers = |c: char| {
         (c.is_control() && c != '\n' && c != '\t')

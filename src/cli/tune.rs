@@ -44,10 +44,10 @@ pub(super) struct TuneArgs {
     /// Longest allowed flight, in seconds [default: that of the scene]
     #[arg(long, value_name = "S")]
     longest: Option<f64>,
-    /// Cap height in meters. The other lengths of the letters are scaled with it
+    /// Cap height in meters, with which the other lengths of the letters are scaled
     #[arg(long, value_name = "M")]
     cap_height: Option<f64>,
-    /// Words on which the result is tested but not trained
+    /// Words for testing the result, which are not used for training
     #[arg(
         long,
         value_name = "WORD,...",
@@ -55,9 +55,8 @@ pub(super) struct TuneArgs {
         default_value = "LOG,WAX,HELLO,QUIZ,SKY"
     )]
     test_words: Vec<String>,
-    /// Number of seeds of each test word. Training words get four times as many new seeds, and at
-    /// least six. The test on training words decides whether the tuned or the original scene is
-    /// written
+    /// Number of seeds of each test word. Training words are tested with four times as many new
+    /// seeds, at least six. This test determines whether the tuned or the original scene is written
     #[arg(long, value_name = "N", default_value_t = 10)]
     test_seeds: u32,
     /// Folder for scene.toml, candidates.csv, pareto.svg and flights.jsonl
@@ -91,8 +90,8 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     if let Some(longest_s) = args.longest {
         crate::error::within("longest", longest_s, 1.0, 3600.0)?;
     }
-    // The best candidate on the training seeds also has to win on new seeds, four times as many as
-    // each test word gets.
+    // The best candidate on the training seeds must also win on new seeds, of which there are four
+    // times as many as for each test word.
     let options = TuneOptions {
         knobs: match args.knob.as_slice() {
             [] => Knob::usual(&base.scene),
@@ -109,14 +108,13 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     let store = open_store(&args.output)?;
     let mut results = open_results(&args.output, &FILES)?;
 
-    // A budget in minutes is checked against the clock, and a budget in flights by counting
-    // flights.
+    // A budget in minutes is measured by the clock, and a budget in flights by their number.
     let (mut progress, start) = (Progress::new("tuning"), Instant::now());
     let mut first = true;
     let mut watch = |n_flights: usize, best: &Candidate| {
         let spent = time.map(|time| start.elapsed().as_secs_f64() / time.as_secs_f64());
         if let Some(spent) = spent.filter(|_| std::mem::take(&mut first)) {
-            // The duration of the first flights shows how long the smallest study takes.
+            // The first flights show how long the smallest study would take.
             let least_flights = options.least_budget();
             let needed = spent * least_flights as f64 / n_flights as f64;
             if needed > 1.0 {
@@ -149,7 +147,7 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     Ok(tuning_report(&options, &tuned, others.as_ref()).with_files(&paths))
 }
 
-/// Returns comment lines for the top of the tuned scene, which describe its origin.
+/// Returns comment lines that describe the tuned scene's origin, for the top of its file.
 fn origin(args: &TuneArgs, tuned: &Tuned) -> String {
     let what = if tuned.helped() { "Tuned from" } else { "Nothing better was found than" };
     format!(
@@ -166,7 +164,7 @@ fn origin(args: &TuneArgs, tuned: &Tuned) -> String {
 }
 
 fn plot(tuned: &Tuned) -> String {
-    // A candidate that lost every drone has no flight time, and is drawn at 0 s.
+    // A candidate that lost every drone has no flight time, and is plotted at 0 s.
     let pace_and_legibility = |c: &Candidate| (c.duration_s.unwrap_or(0.0), c.legibility);
     let (start, candidates) = tuned.candidates.split_first().expect("the scene as it was is one");
     let (within, others): (Vec<_>, Vec<_>) =
@@ -178,8 +176,8 @@ fn plot(tuned: &Tuned) -> String {
     pareto(&within, &others, &front, Some(pace_and_legibility(start)))
 }
 
-/// Reports the Pareto front of flight time and P(read), the best candidate's changes, and its tests
-/// on new seeds and, in `others`, on new words.
+/// Reports the Pareto front of flight time and P(read), the best candidate's changes, and the
+/// results of its tests on new seeds and, in `others`, on new words.
 pub fn tuning_report(
     options: &TuneOptions,
     tuned: &Tuned,
@@ -202,8 +200,8 @@ pub fn tuning_report(
         "kept": (tuned.test.is_some() && !tuned.helped()).then_some("the scene as it was"),
     });
     let mut report = Report::with_words(product, &words, LAYOUT);
-    // The training seeds are biased toward the best candidate, so that the tests use new seeds and
-    // new words.
+    // The tests use new seeds and new words, because the results on the training seeds are biased
+    // toward the best candidate.
     let mut tests = Vec::new();
     for (new, test) in [("seeds", tuned.test.as_ref()), ("words and seeds", others)] {
         let Some((study, ranking)) = test else { continue };
@@ -249,7 +247,7 @@ fn other_words(
     tuned: &Tuned,
     store: &Store,
 ) -> Result<Option<(Study, Ranking)>> {
-    // Words of the training are excluded from the test words.
+    // Training words are excluded from the test words.
     let words =
         args.test_words.iter().filter(|word| options.words.iter().all(|(known, _)| known != *word));
     let words: Vec<_> = words.map(|word| (word.clone(), args.test_seeds)).collect();

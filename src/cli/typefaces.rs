@@ -1,4 +1,4 @@
-//! Finds a typeface on this machine that contains the letters which a font lacks.
+//! Finds a typeface on this machine that contains the letters that a font lacks.
 
 use std::path::{Path, PathBuf};
 
@@ -14,14 +14,14 @@ const FOLDERS: &[&str] = if cfg!(windows) {
     &["/usr/share/fonts", "/usr/local/share/fonts", "~/.fonts", "~/.local/share/fonts"]
 };
 
-/// Maximum depth of folders in the search.
+/// Maximum depth of the folders that are searched.
 const DEEPEST: usize = 5;
-/// Maximum number of files in the search.
+/// Maximum number of files that are searched.
 const MAX_FILES: usize = 2000;
 /// Maximum number of bytes of all files together.
 const MAX_BYTES: usize = 1 << 30;
 
-/// Limit on the size of a file that is read.
+/// Size limit for a file that is read.
 const LIMIT: Limit =
     Limit { bytes: 64 << 20, what: "a typeface", hint: "name a smaller font file" };
 
@@ -43,7 +43,7 @@ fn first_with(folders: &[PathBuf], characters: &[char]) -> Option<PathBuf> {
     for folder in folders {
         gather(folder, DEEPEST, &mut files);
     }
-    // All files together may take gigabytes, so that the best ranked files are read first.
+    // The best-ranked files are read first, because all files together may be gigabytes.
     files.sort_by_cached_key(|path| (rank(path), path.clone()));
     let mut n_bytes = 0;
     files.into_iter().find(|path| {
@@ -54,7 +54,7 @@ fn first_with(folders: &[PathBuf], characters: &[char]) -> Option<PathBuf> {
     })
 }
 
-/// Adds the typeface files of a folder and of its subfolders.
+/// Adds the typeface files in a folder and its subfolders.
 fn gather(folder: &Path, deepest: usize, files: &mut Vec<PathBuf>) {
     let known = |path: &Path| ["ttf", "otf", "ttc"].contains(&&*ending(path));
     for path in entries_in(folder).unwrap_or_default() {
@@ -69,8 +69,8 @@ fn gather(folder: &Path, deepest: usize, files: &mut Vec<PathBuf>) {
     }
 }
 
-/// Returns the sort key of a typeface by its file name, which puts upright before slanted and light
-/// before heavy.
+/// Returns a typeface's sort key based on its file name, which puts upright before slanted
+/// typefaces, and light before heavy ones.
 fn rank(path: &Path) -> (bool, usize) {
     let name = path.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
     let any = |words: &[&str]| words.iter().any(|word| name.contains(word));

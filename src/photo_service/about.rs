@@ -6,7 +6,7 @@ use noctograph_picture::light::{Deck, LightOptions, color_led_wrgb, ring_rgb};
 use noctograph_pipeline::scene::Scene;
 use serde::{Deserialize, Serialize};
 
-/// Role of a page's user.
+/// Role of the person who uses a page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Role {
@@ -14,17 +14,17 @@ pub enum Role {
     Visitor,
     /// Operator, who flies the entries.
     Operator,
-    /// Owner of one entry, who looks at its photo to take it home.
+    /// Owner of one entry, who views its photo and downloads it.
     Entry,
 }
 
-/// Rule for which photos the wall shows.
+/// Rule that selects the photos on the wall.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum WallRule {
-    /// Only the photos that the operator approved.
+    /// Only photos that the operator has approved.
     Approved,
-    /// All photos that visitors sent.
+    /// All photos that visitors have sent.
     Open,
 }
 
@@ -55,20 +55,20 @@ pub struct About<'a> {
     pub home: bool,
     /// True if the page runs on a public screen in the hall.
     pub kiosk: bool,
-    /// True if the operator has paused the acceptance of entries.
+    /// True if the operator has paused accepting entries.
     pub paused: bool,
-    /// Rule for which photos the wall shows.
+    /// Rule that selects the photos on the wall.
     pub wall: WallRule,
     /// Limits of requests.
     pub limits: Limits,
-    /// Colors that the page offers for writing.
+    /// Colors in which a visitor can write.
     pub colors: Vec<OfferedColor>,
-    /// The scene's deck of lights.
+    /// Light deck of the scene.
     pub deck: Deck,
-    /// The text of the scene, if the visitors' browsers make photos.
+    /// Text of the scene's file, if the visitors' browsers make photos.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub base: Option<&'a str>,
-    /// The scene that the controls show at the start, on the host's machine.
+    /// Scene that the controls show at the start, on the host's machine.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scene: Option<&'a Scene>,
 }
@@ -123,7 +123,7 @@ pub fn colors() -> Vec<OfferedColor> {
         ("blue", [0, 0, 255]),
         ("magenta", [255, 0, 255]),
     ];
-    // A lamp needs different bytes from a screen to show the same color.
+    // To show the same color, a lamp and a screen need different bytes.
     let offered = colors.map(|(name, screen)| {
         let color_led = color_led_wrgb(screen, LightOptions::default().color_led_levels);
         let [r, g, b] = ring_rgb(screen);

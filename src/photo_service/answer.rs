@@ -1,5 +1,5 @@
-//! Makes the answers to a page: a photograph with its verdict, the path of the light over time, and
-//! the boxes of letters. Facts are typed, and files are bytes beside them.
+//! Makes the answers for a page, with a photograph and its verdict, the path of the light over
+//! time, and the letters' boxes. Facts are typed, and files are bytes beside them.
 
 use std::collections::BTreeMap;
 
@@ -43,10 +43,10 @@ const LARGE_QUALITY: u8 = 92;
 /// File name of the photo that every page shows.
 pub const JPEG: &str = "photo.jpg";
 
-/// An answer, or the message with the reason why there is none.
+/// An answer, or a message that gives the reason for a refusal.
 pub type Made = std::result::Result<Answer, Message>;
 
-/// The answer to a request.
+/// Answer to a request.
 #[derive(Debug)]
 pub struct Answer {
     /// Facts about the product.
@@ -59,11 +59,11 @@ pub struct Answer {
 #[derive(Debug, Serialize)]
 #[serde(untagged)]
 pub enum Facts {
-    /// Facts about the photo while a visitor types.
+    /// Facts about the photo that is shown while a visitor types.
     Live(Box<LiveFacts>),
     /// Facts about the large photo.
     Large(Box<LargeFacts>),
-    /// Empty facts about the scripts, as for the photo of a flight that has not ended.
+    /// No facts, for scripts, or for the photo of a flight that has not ended.
     Script {},
 }
 
@@ -78,37 +78,37 @@ pub struct PhotoFacts {
     pub height: u32,
     /// Problems that make any word unreadable.
     pub obstacles: Vec<Message>,
-    /// The path of the light over time.
+    /// Path of the light over time.
     pub replay: LightMap,
-    /// Problems that do not make every word unreadable.
+    /// Other problems of the picture.
     pub warnings: Vec<Message>,
     /// Width of the photo, in pixels.
     pub width: u32,
 }
 
-/// Facts about the photo while a visitor types.
+/// Facts about the photo that is shown while a visitor types.
 #[derive(Debug, Serialize)]
 pub struct LiveFacts {
     /// Facts about a photo of either size.
     #[serde(flatten)]
     pub photo: PhotoFacts,
-    /// The drawing, or null for a word.
+    /// Strokes of the drawing, or null for a word.
     pub source: Option<DrawnSource>,
-    /// The verdict, or null for a drawing.
+    /// Verdict, or null for a drawing.
     pub verdict: Option<Verdict>,
 }
 
-/// Facts about the large photo, which are the members of `preview --json` and further facts for the
-/// page.
+/// Facts about the large photo, which consist of the members of `preview --json` and further facts
+/// for the page.
 #[derive(Debug, Serialize)]
 pub struct LargeFacts {
     /// Facts about a photo of either size.
     #[serde(flatten)]
     pub photo: PhotoFacts,
-    /// The verdict with its causes, whose members are all omitted for a drawing.
+    /// Verdict with its causes. All of its members are omitted for a drawing.
     #[serde(flatten)]
     pub verdict: Option<Verdict>,
-    /// The controller that flew.
+    /// Controller of the flight.
     pub controller: ControllerOptions,
     /// Number of drones.
     pub drones: usize,
@@ -154,7 +154,7 @@ pub struct DrawnStroke {
 /// The members of a request that the page receives back with the answer.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Asked {
-    /// Name of the stored request for a large photo, by which the page has the photo flown.
+    /// Name of the stored request for a large photo, which the page sends to have the photo flown.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub id: Option<String>,
     /// Number of the request.
@@ -164,7 +164,7 @@ pub struct Asked {
 /// An answer for a page, with files in base64.
 #[derive(Debug, Default, Serialize)]
 pub struct PageAnswer {
-    /// The members of the request that the page gets back.
+    /// Members of the request that the page receives back.
     #[serde(flatten)]
     asked: Asked,
     /// Facts about the product.
@@ -191,7 +191,7 @@ impl PageAnswer {
         if matches!(facts, Facts::Script {}) {
             files = vec![File { name: "flight.zip".into(), bytes: zip(&files) }];
         }
-        // The page shows the photo, and lets the visitor save all other files.
+        // The page displays the photo, and lets the visitor save all other files.
         let mut answer = Self { asked, facts: Some(facts), ..Self::default() };
         for File { name, bytes } in files {
             let text = BASE64_STANDARD.encode(bytes);
@@ -210,7 +210,7 @@ impl PageAnswer {
     }
 }
 
-/// Function that returns the scene which the page's controls show at the start, with settings that
+/// Function that returns the scene that the page's controls show at the start, with settings that
 /// override its keys.
 pub type Base<'a> = dyn Fn(&[(&str, &str)]) -> Result<Scene> + 'a;
 
@@ -219,8 +219,8 @@ pub type Base<'a> = dyn Fn(&[(&str, &str)]) -> Result<Scene> + 'a;
 pub struct Studio<'a> {
     /// Returns the page's scene, with settings that override its keys.
     pub scene: &'a Base<'a>,
-    /// Finds a typeface file that contains all letters of a word, for a word with letters that the
-    /// scene's font lacks.
+    /// Finds a typeface file that contains all letters of a word, if the scene's font lacks some of
+    /// them.
     pub typeface: &'a dyn Fn(&str) -> Result<Option<String>>,
     /// Finds changes that make an unreadable word easier to read.
     pub advice: &'a dyn Fn(&Shot) -> Result<Vec<Suggestion>>,
@@ -230,11 +230,11 @@ pub struct Studio<'a> {
     pub watch: &'a Watch<'a>,
 }
 
-/// The film of a flight that is followed.
+/// Film of a flight that is being followed.
 #[derive(Debug, Default)]
 pub struct FlightFilm {
     film: GrowingFilm,
-    /// Aperture and sensitivity of the photo that was promised. Those for the light so far would
+    /// Aperture and sensitivity of the visitor's photo. Those metered for the light so far would
     /// change with each letter.
     exposure: Option<[f64; 2]>,
 }
@@ -248,7 +248,7 @@ struct Ready {
     notes: Vec<Message>,
 }
 
-/// The reason why a product is not made: an error of a stage, or a message to the page.
+/// Reason why a product is not made, which is an error of a stage or a message to the page.
 enum Refusal {
     Stage(Error),
     Page(Message),
@@ -263,7 +263,7 @@ impl From<Error> for Refusal {
 }
 
 impl Studio<'_> {
-    /// Makes a product of a subject, or returns the message why it cannot be made.
+    /// Makes a product of a subject, or returns a message that gives the reason for a refusal.
     pub fn make(&self, product: Product, subject: &Subject) -> Made {
         let made = match product {
             Product::Live => self.live(subject),
@@ -316,8 +316,8 @@ impl Studio<'_> {
         let source = drawn_source(&strokes);
         match Shoot::of_strokes(scene, strokes, &|_| Ok(())) {
             Ok(shoot) => Ok(Ready { shoot, profile, source, notes: Vec::new() }),
-            // The answer about a drawing that is too large contains its strokes, so that the
-            // visitor can leave some out on the page.
+            // If a drawing is too large, the answer contains its strokes, so that the visitor can
+            // leave some out on the page.
             Err(error) => {
                 let mut message = refusal_message(&error, subject);
                 message.values["source"] = json!(source);
@@ -326,7 +326,7 @@ impl Studio<'_> {
         }
     }
 
-    /// Makes the photo while a visitor types.
+    /// Makes the photo that is shown while a visitor types.
     fn live(&self, subject: &Subject) -> Attempt<Answer> {
         let Ready { shoot, source, notes, .. } = self.prepare(subject, LIVE_PIXELS)?;
         let shot = self.take(shoot, Judging::Scored, None)?;
@@ -336,9 +336,9 @@ impl Studio<'_> {
         Ok(Answer { facts: Facts::Live(facts.into()), files })
     }
 
-    /// Photographs the flight of a subject from its log. As long as it flies, the photo is not
-    /// judged, and only its new light is drawn on the film. There is no photo of a log that is
-    /// still too short. When the flight is over, the answer is that of the large photo.
+    /// Photographs the flight of a subject from its log. During the flight, only the new light is
+    /// drawn on the film, and the photo is not judged. A log that is still too short yields no
+    /// photo. When the flight is over, the answer is that for the large photo.
     pub fn follow(
         &self,
         subject: &Subject,
@@ -363,7 +363,7 @@ impl Studio<'_> {
         film: &mut FlightFilm,
         is_over: bool,
     ) -> Attempt<Answer> {
-        // The scene is that of the photo that was promised, with the same camera.
+        // The scene and the camera are those of the visitor's photo.
         let (PreparedScene { mut scene, profile }, strokes) =
             self.strokes_for(subject, LARGE_PIXELS)?;
         if !is_over {
@@ -392,7 +392,7 @@ impl Studio<'_> {
         Ok(Answer { facts: Facts::Script {}, files })
     }
 
-    /// Makes the large photo, with its files if there is a `format`.
+    /// Makes the large photo, with its files if a `format` is given.
     fn large(&self, subject: &Subject, advice: bool, format: Option<Format>) -> Attempt<Answer> {
         self.judged(subject, self.prepare(subject, LARGE_PIXELS)?, advice, format)
     }
@@ -406,7 +406,7 @@ impl Studio<'_> {
         format: Option<Format>,
     ) -> Attempt<Answer> {
         let shot = self.take(shoot, Judging::Explained, format)?;
-        // The flight of a log is over, so that it needs no check.
+        // The flight in a log is over, and therefore needs no check.
         let findings = match shot.shoot.is_planned {
             true => shot.findings(&profile)?,
             false => Vec::new(),
@@ -432,7 +432,7 @@ impl Studio<'_> {
         Ok(Answer { facts: Facts::Large(facts.into()), files })
     }
 
-    /// Makes the cflib scripts that fly a subject, with the files that they need, sorted by name.
+    /// Makes the cflib scripts that fly a subject, and the files that they need, sorted by name.
     fn script(&self, subject: &Subject) -> Attempt<Answer> {
         let (PreparedScene { mut scene, profile }, strokes) =
             self.strokes_for(subject, LARGE_PIXELS)?;
@@ -453,14 +453,14 @@ impl Studio<'_> {
     }
 }
 
-/// Returns photo, plans and scene as files. Flights are left out, because the scene reproduces
-/// them.
+/// Returns the photo, the plans and the scene as files. Flights are omitted, because they can be
+/// reproduced from the scene.
 fn photo_files(shot: &Shot) -> Result<Vec<File>> {
     let mut files = Vec::new();
     let digests = shot.each_file(|name, write| {
         let mut bytes = Vec::new();
         write(&mut bytes).expect("memory takes it");
-        // The scene contains the digests of all files, including the flights that are left out.
+        // The scene contains the digests of all files, including the omitted flights.
         let digest = sha256(&bytes);
         if !name.starts_with("flight") {
             files.push(File { name: name.into(), bytes });
@@ -478,7 +478,7 @@ fn jpeg_file(shot: &Shot, quality: u8) -> File {
     File { name: JPEG.into(), bytes: jpeg(&shot.photo, quality) }
 }
 
-/// Returns the message to a page about an error.
+/// Returns the message to the page about an error.
 fn refusal_message(error: &Error, subject: &Subject) -> Message {
     match (error, &subject.log) {
         (Error::Input { .. }, Some(_)) => Message::of_log_error(error),
@@ -487,11 +487,11 @@ fn refusal_message(error: &Error, subject: &Subject) -> Message {
 }
 
 impl PhotoFacts {
-    /// Returns the facts about a shot. `notes` are the warnings of its log.
+    /// Returns the facts about a shot. `notes` are the warnings about its log.
     fn new(shot: &Shot, notes: Vec<Message>) -> Self {
         let (obstacles, others): (Vec<&Diagnostic>, Vec<_>) =
             shot.problems.iter().partition(|problem| problem.is_stop());
-        // Only flaws of the picture concern a visitor, whereas warnings about the flight do not.
+        // A visitor is told only of flaws of the picture, and not of warnings about the flight.
         let flaws =
             others.into_iter().filter(|problem| FLAWS.contains(&code_on_page(problem.code)));
         Self {
@@ -518,8 +518,8 @@ fn drawn_source(strokes: &Strokes) -> Option<DrawnSource> {
     let Source { corners_px, is_bitmap, strokes } = &strokes.source;
     let points = strokes.iter().flat_map(|stroke| stroke.points.iter().copied());
     let [left, top, right, bottom] = bounds(points);
-    // The strokes of a drawing that is not a picture are shifted to 0, 0 and scaled to a larger
-    // side of 1000 units.
+    // The strokes of a drawing that is not a picture are shifted to 0, 0 and scaled so that the
+    // larger side has 1000 units.
     let ([x, y], scale) = match is_bitmap {
         true => ([0.0; 2], 1.0),
         false => ([left, top], 1e3 / f64::max(right - left, bottom - top).max(1e-9)),

@@ -1,5 +1,5 @@
-//! The photo service answers the request of a page with a photograph and its verdict, as typed
-//! facts with files as bytes beside them.
+//! The photo service answers a page's request with a photograph and its verdict, as typed facts
+//! with files as bytes beside them.
 //!
 //! A [`request`] is parsed and checked, and its subject is prepared as a scene, simulated and
 //! photographed ([`answer`]). If the request is refused, a message gives the reason ([`messages`]).

@@ -1,6 +1,6 @@
-//! Messages to visitors as data: a key with its values, for which the page has a sentence in the
-//! visitor's language, and an English sentence for a page without the key. Messages contain no
-//! paths of this machine.
+//! Messages to visitors as data. A message consists of a key with its values, for which the page
+//! contains a sentence in the visitor's language, and an English sentence for a page that lacks the
+//! key. Messages contain no paths of this machine.
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -11,9 +11,9 @@ use noctograph_core::error::{Error, Place, Segment};
 /// A message to a visitor.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 pub struct Message {
-    /// Name of the sentence, such as `word-long`.
+    /// Key of the sentence, such as `word-long`.
     pub key: String,
-    /// Values in the sentence, whose names end in their units.
+    /// Values in the sentence. Their names end in their units.
     pub values: Value,
     /// An English sentence, for a page that lacks the key.
     pub text: String,
@@ -21,10 +21,10 @@ pub struct Message {
     pub hint: String,
 }
 
-/// Declares the keys of refusals: name, HTTP status, English sentence and hint.
+/// Declares the keys of refusals, each with its name, HTTP status, English sentence and hint.
 macro_rules! keys {
     ($($key:ident $name:literal $status:literal $text:literal $hint:literal;)+) => {
-        /// Reasons of a refusal.
+        /// Reasons for a refusal.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum Key { $(#[doc = $text] $key,)+ }
 
@@ -91,29 +91,28 @@ const STOPS: &str = "stop-acceleration stop-altitude-hold stop-baseline stop-bat
     stop-speed stop-sunlight stop-tail stop-thrust stop-tilt stop-volume stop-wake stop-weight \
     stop-wind stop-other";
 
-/// Keys of advice, each named after the first setting that a remedy changes.
+/// Keys of advice. Each is named after the first setting that a remedy changes.
 const ADVICE: &str = "set-camera.focus_m set-camera.framing set-camera.metering set-camera.shutter_open_s \
     set-camera.width_px set-controller.kind set-letters.cap_height_m set-letters.font \
     set-letters.spacing_m set-light.led_bitmask set-light.ring set-photo.ambient_cd_m2 \
     set-plan.light_clock set-plan.lights set-plan.reference set-plan.stroke_speed_m_s \
     set-plan.style set-other";
 
-/// Returns the key if it is in the list, or else the last key of the list, which stands for all
-/// unlisted keys.
+/// Returns the key if it is in the list, or else the list's last key, for all unlisted keys.
 fn key_or_last(keys: &str, key: &str) -> String {
     let listed = keys.split(' ').find(|listed| *listed == key);
     listed.or(keys.split(' ').next_back()).unwrap_or_default().to_owned()
 }
 
-/// Returns the page's code for a diagnostic's code. The page has one sentence for all missing parts
-/// of drawings.
+/// Returns the page's code for a diagnostic's code. The page uses a single sentence for all missing
+/// parts of drawings.
 pub fn code_on_page(code: &str) -> &str {
     let is_about_drawing = code.starts_with("drawing-") || code.starts_with("picture-");
     if is_about_drawing && code != "picture-photo" { "drawing-part" } else { code }
 }
 
 impl Message {
-    /// Makes a refusal with the given text.
+    /// Creates a refusal with the given text.
     pub fn new(key: Key, values: Value, text: String, hint: &str) -> Self {
         Self { key: key.name().into(), values, text, hint: hint.into() }
     }
@@ -124,7 +123,7 @@ impl Message {
         Self { text, ..Key::PageOld.into() }
     }
 
-    /// Returns the message that a flight is not safe, with the checks that stop it.
+    /// Returns the message that a flight is not safe, which lists the checks that stop it.
     pub fn of_stops(stops: &[Self]) -> Self {
         let key = Key::NotSafe;
         let texts: Vec<&str> = stops.iter().map(|stop| &*stop.text).collect();
@@ -140,8 +139,7 @@ impl Message {
             Error::Letter { position, letter, .. } => {
                 json!({ "letter": letter, "position": position })
             }
-            // The page mentions the setting, because its allowed values may differ between
-            // versions.
+            // The page names the setting, whose allowed values may differ between versions.
             Error::Input { place, .. } if key == Key::NotPossible => {
                 json!({ "setting": dotted(place) })
             }
@@ -158,7 +156,7 @@ impl Message {
         Self { key: "log".into(), values: json!({}), text, hint }
     }
 
-    /// Returns the message about a problem of the picture, or a warning.
+    /// Returns the message about a problem of the picture or about a warning.
     pub fn of_diagnostic(diagnostic: &Diagnostic) -> Self {
         let values = json!(diagnostic.figures);
         let text = without_paths(&diagnostic.sentence(Change::to_string));
@@ -207,7 +205,7 @@ impl From<Key> for Message {
     }
 }
 
-/// Returns the keys of a place in a file, joined by dots.
+/// Returns the keys in an error's place in a file, joined by dots.
 fn dotted(place: &Place) -> String {
     let keys = place.0.iter().filter_map(|segment| match segment {
         Segment::Key(key) => Some(&**key),
@@ -216,8 +214,8 @@ fn dotted(place: &Place) -> String {
     keys.collect::<Vec<_>>().join(".")
 }
 
-/// Returns the key for an error, which is the key named like the error's code, unless there is a
-/// more precise one.
+/// Returns the key for an error. It is named like the error's code, unless a more precise key
+/// exists.
 fn key_of(error: &Error, is_picture: bool) -> Key {
     let Error::Input { place, .. } = error else {
         return match error.code() {
@@ -226,7 +224,7 @@ fn key_of(error: &Error, is_picture: bool) -> Key {
             code => key_named(code).unwrap_or(Key::NotPossible),
         };
     };
-    // The place of an error tells whether it concerns the drawing's file, the word or a setting.
+    // The place of an error shows whether it concerns the drawing's file, the word or a setting.
     let is_drawing = place.key() == "drawing"
         || place
             .0
@@ -246,8 +244,8 @@ fn key_named(name: &str) -> Option<Key> {
     Key::ALL.iter().copied().find(|key| key.name() == name)
 }
 
-/// Replaces the paths in a text by the names of their files. A path begins with a slash that does
-/// not follow a letter or a digit.
+/// Replaces the paths in a text by their file names. A path begins with a slash that does not
+/// follow a letter or a digit.
 fn without_paths(text: &str) -> String {
     let mut words = Vec::new();
     for word in text.split(' ') {
@@ -273,7 +271,7 @@ mod tests {
         assert_eq!(without_paths(text), "drawing.svg:3: (`b.png`) and 1/2 m/s");
     }
 
-    /// A new check has to be added to `STOPS`, or to the exceptions in this test.
+    /// A new check must be added to `STOPS` or to the exceptions in this test.
     #[test]
     fn the_page_has_a_key_for_every_check_that_can_stop() {
         let never_stop = ["lamps", "room"];
@@ -289,7 +287,7 @@ mod tests {
         }
     }
 
-    /// Every key has a sentence with its values in every language of the page.
+    /// Each language of the page contains a sentence with the values of each key.
     #[test]
     fn the_page_words_every_key_in_every_language() {
         let errors: Vec<&str> = Key::ALL.iter().map(|key| key.name()).collect();
@@ -301,7 +299,7 @@ mod tests {
             "advice": ADVICE.split(' ').collect::<Vec<_>>(),
             "stops": STOPS.split(' ').collect::<Vec<_>>(),
         });
-        // keys.json lists the codes that tests/exhibit.py compares with the tables of words.
+        // keys.json lists the codes that tests/exhibit.py compares with the page's translations.
         let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../serve/page/keys.json");
         if crate::bless::is_blessed(file) {
             std::fs::write(file, format!("{keys:#}\n")).unwrap();

@@ -1,8 +1,8 @@
-//! The path of the light over time as a small map, from which a page exposes its photo again.
+//! Compact map of the path of the light over time, from which a page exposes its photo again.
 //!
 //! Times are in hundredths of a second from the start of the flight, and coordinates in
-//! ten-thousandths of the photo's width and height, with y down. Because all values are integers,
-//! the map of a word takes only a few kilobytes.
+//! ten-thousandths of the photo's width and height, with y down. Because all values are integers, a
+//! word's map has only a few kilobytes.
 
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -15,22 +15,22 @@ use noctograph_pipeline::shoot::{Shot, writing};
 
 /// Time between two points of a stroke, in s.
 const STEP_S: f64 = 0.08;
-/// Level above which a lamp counts as lit, which is 0 because even a red die that is set to 2 of
-/// 255 leaves a visible line.
+/// Level above which a lamp counts as lit. It is 0, because even level 2 of 255 leaves a visible
+/// line.
 const LIT: f64 = 0.0;
-/// Longest dark interval within a stroke, in s, which occurs when a lamp changes its color.
+/// Longest dark interval within a stroke, in s, as it occurs when a lamp changes its color.
 const BLINK_S: f64 = 0.05;
 /// Number of coordinate units across the width or the height of the photo.
 const UNITS: f64 = 1e4;
 
-/// A stroke of light of one drone.
+/// Stroke of light from one drone.
 struct Stroke<'a> {
     drone: Option<DroneIndex>,
     samples: Vec<&'a LightSample>,
     rgb: [f64; 3],
 }
 
-/// The path of the light over time.
+/// Path of the light over time.
 #[derive(Debug, Serialize)]
 pub struct LightMap {
     /// Duration of the longest flight, in s.
@@ -39,7 +39,7 @@ pub struct LightMap {
     pub strokes: Vec<MappedStroke>,
 }
 
-/// A stroke of light as the page receives it.
+/// Stroke of light as the page receives it.
 #[derive(Debug, Serialize)]
 pub struct MappedStroke {
     /// Points in the order t, x, y, t, x, y …, with t in 1/100 s, and x and y in 1/10000 of the
@@ -56,12 +56,12 @@ pub struct MappedStroke {
 pub type LetterBox = [i64; 4];
 
 impl LightMap {
-    /// Returns the path of the light of the lamps that write.
+    /// Returns the light paths of the lamps that write.
     pub(crate) fn new(shot: &Shot) -> Self {
         let lamps = writing(&shot.flights, &shot.trace, &shot.shoot.scene.light);
         let mut strokes: Vec<Stroke<'_>> = Vec::new();
         for stroke in lamps.iter().flat_map(|lamp| lamp_strokes(lamp)) {
-            // Lamps of a drone that are lit together make one stroke with the sum of their colors.
+            // A drone's lamps that are lit simultaneously form one stroke of their summed colors.
             match strokes.iter_mut().find(|other| overlap(other, &stroke)) {
                 None => strokes.push(stroke),
                 Some(other) => (0..3).for_each(|color| other.rgb[color] += stroke.rgb[color]),
@@ -73,7 +73,7 @@ impl LightMap {
     }
 }
 
-/// Returns the duration of the longest plan or, without plans, of the light.
+/// Returns the duration of the longest plan or, without plans, of the light, in s.
 pub(crate) fn end_s(shot: &Shot) -> f64 {
     let plans = shot.shoot.plans.iter().map(|planned| planned.plan.duration_s());
     plans.reduce(f64::max).unwrap_or_else(|| shot.trace.end_s())
@@ -86,8 +86,8 @@ fn lamp_strokes(lamp: &Lamp) -> Vec<Stroke<'_>> {
     for sample in lit {
         let intensity_cd = lamp.emitter.intensity_cd;
         let rgb = lamp.emitter.rgb.map(|part| part * intensity_cd * sample.level);
-        // A short gap is a change of color and does not end the stroke. The stroke takes the color
-        // of its brightest level.
+        // A short gap is caused by a change of color and does not end the stroke. The stroke is
+        // drawn in the color of its brightest sample.
         match strokes.last_mut() {
             Some(stroke) if sample.time_s - span_s(stroke)[1] < BLINK_S => {
                 stroke.samples.push(sample);
@@ -105,22 +105,22 @@ fn overlap(a: &Stroke<'_>, b: &Stroke<'_>) -> bool {
     is_same && a_s[0] < b_s[1] && b_s[0] < a_s[1]
 }
 
-/// Returns the first and the last time of a stroke.
+/// Returns the first and the last time of a stroke, in s.
 fn span_s(stroke: &Stroke<'_>) -> [f64; 2] {
     let ends = [stroke.samples.first(), stroke.samples.last()];
     ends.map(|sample| sample.map_or(f64::NAN, |sample| sample.time_s))
 }
 
 impl MappedStroke {
-    /// Returns a stroke in the form that the page receives. `None` if one of its points is behind
-    /// the camera, or if the shutter is closed during the whole stroke.
+    /// Converts a stroke to the form that the page receives. Returns `None` if one of its points is
+    /// behind the camera, or if the shutter is closed during the entire stroke.
     fn new(stroke: &Stroke<'_>, shot: &Shot) -> Option<Self> {
         let mut points = Vec::new();
         let mut next_s = f64::NEG_INFINITY;
         let [_, end_s] = span_s(stroke);
         let open = shot.camera.shutter_open_s..=shot.camera.shutter_close_s;
         for sample in stroke.samples.iter().filter(|sample| open.contains(&sample.time_s)) {
-            // A stroke gets one point per time step, and its last point.
+            // A stroke is reduced to one point per time step and its last point.
             if sample.time_s < next_s && sample.time_s < end_s {
                 continue;
             }
@@ -129,8 +129,7 @@ impl MappedStroke {
             #[expect(clippy::cast_possible_truncation, reason = "an hour")]
             points.extend([(100.0 * sample.time_s).round() as i64, x, y]);
         }
-        // The color is scaled to full brightness and converted approximately to screen values
-        // (gamma 2).
+        // The color is scaled to full brightness and converted to the screen with a gamma of 2.
         let brightest = stroke.rgb.into_iter().fold(f64::MIN_POSITIVE, f64::max);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
         let rgb = stroke.rgb.map(|light| (255.0 * (light / brightest).sqrt()).round() as u8);
@@ -143,7 +142,7 @@ impl MappedStroke {
     }
 }
 
-/// Returns the index of the letter that a flight writes at a time.
+/// Returns the index of the letter that is written at a time of a flight.
 fn letter_at(flight: &Flight, time_s: f64) -> Option<usize> {
     let next = flight.samples.partition_point(|sample| sample.time_s < time_s);
     flight.samples.get(next)?.letter

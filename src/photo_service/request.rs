@@ -1,6 +1,6 @@
-//! The request for a photo: a word or a drawing, and settings.
+//! Request for a photo, which consists of a word or a drawing, and settings.
 //!
-//! No file path is taken from the network: a drawing arrives as text and is stored under a fixed
+//! No file path is accepted from the network. A drawing arrives as text and is stored under a fixed
 //! name, and keys that name a file cannot be set.
 
 use std::collections::BTreeMap;
@@ -39,11 +39,11 @@ const KEYS: &str = "camera.body camera.f_number camera.focus_m camera.framing ca
     light.letters_wrgb light.ring photo.ambient_cd_m2 plan.drones plan.light_clock \
     plan.lights plan.reference plan.stroke_speed_m_s plan.style preset seed";
 
-/// Keys that the page of a kiosk can set, which concern the color of the lamp and the pad.
+/// Keys that a kiosk's page can set, for the lamp's color and for the drawing pad.
 const KIOSK_KEYS: &str = "camera.framing.fill_frac letters.canvas_m letters.pace light.deck \
     light.letters_wrgb plan.lights";
 
-/// Ratios of width to height that a page may request for a photo.
+/// Range of aspect ratios (width to height) that a page may request.
 const ASPECTS: std::ops::RangeInclusive<f64> = 0.4..=2.5;
 
 /// Kind of page that requests a photo.
@@ -82,23 +82,23 @@ struct Posted {
 pub struct PhotoRequest {
     /// Random name of the page that sends the request.
     pub visitor: String,
-    /// Number that increases with each change, so that the page recognizes a late answer.
+    /// Number that increases with each change, by which the page recognizes an outdated answer.
     pub number: Option<u64>,
-    /// True if changes are to be tried for an unreadable word.
+    /// True if changes are to be tried when the word is unreadable.
     pub advice: bool,
-    /// True if the large photo is to be accompanied by its files.
+    /// True if the large photo's files are requested.
     pub files: bool,
     /// The word or drawing.
     pub subject: Subject,
 }
 
-/// A word or drawing with its settings. Equal subjects make equal photos.
+/// A word or drawing with its settings. Equal subjects yield equal photos.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 pub struct Subject {
     /// The word to write, or an empty text for a drawing.
     pub word: String,
     drawing: Option<Drawing>,
-    /// The log of a flight, in base64. The word is then the word that was flown, or empty.
+    /// Log of a flight, in base64. In that case, the word is the one that was flown, or empty.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) log: Option<String>,
     /// Width, depth and height of the room in meters, as `--room` accepts them.
@@ -115,18 +115,18 @@ pub struct Subject {
 pub enum Product {
     /// The photo that is shown while a visitor types, with its verdict.
     Live,
-    /// The large photo, with its verdict explained and the checks that stop its flight.
+    /// The large photo, with an explained verdict and the checks that stop its flight.
     Large {
-        /// True if an unreadable word gets advice, which takes some thirty simulated flights.
+        /// True if advice on an unreadable word is wanted, which takes about thirty flights.
         advice: bool,
-        /// True if its files are made: photo, scene and plans.
+        /// True if its files are also made, which are the photo, the scene and the plans.
         files: bool,
     },
-    /// The scripts that fly the subject, with the files that they need.
+    /// The scripts that fly the subject, and the files that they need.
     Script,
 }
 
-/// A drawing instead of a word. The text of a picture is its file in base64.
+/// A drawing in place of a word. For a picture, the text is the file in base64.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 struct Drawing {
@@ -149,8 +149,7 @@ impl Drawing {
             return Ok(self.text.clone().into_bytes());
         }
         let bytes = BASE64_STANDARD.decode(&self.text).map_err(not_a_picture)?;
-        // The page scales pictures down, but a small file of another sender may contain a huge
-        // picture.
+        // The page scales pictures down, but another sender's small file may contain a huge one.
         let reader = ImageReader::with_format(Cursor::new(&bytes), ImageFormat::Jpeg);
         let (width, height) = reader.into_dimensions().map_err(not_a_picture)?;
         if width.max(height) > MAX_SIDE {
@@ -167,7 +166,7 @@ fn not_a_picture(actual: impl ToString) -> Error {
 }
 
 impl PhotoRequest {
-    /// Reads and checks a request. A refusal is a message to the visitor.
+    /// Parses and checks a request. Returns a message to the visitor if it is refused.
     pub fn parse(body: &[u8], asker: Asker) -> std::result::Result<Self, Message> {
         let posted: Posted = serde_json::from_slice(body)
             .map_err(|broken| Message::of_old_page(&broken.to_string()))?;
@@ -212,7 +211,7 @@ impl PhotoRequest {
     }
 }
 
-/// Checks that no value is too long or names a file.
+/// Checks that no value is too long and that none names a file.
 fn check_values(settings: &BTreeMap<String, String>) -> std::result::Result<(), Message> {
     if let Some((key, value)) = settings.iter().find(|(_, value)| value.len() > MAX_VALUE) {
         let actual = format!("{key} of {} bytes, wanted at most {MAX_VALUE}", value.len());
@@ -226,7 +225,7 @@ fn check_values(settings: &BTreeMap<String, String>) -> std::result::Result<(), 
     }
 }
 
-/// Returns a key of the settings that is neither in the list `keys` nor in a table of the list, or
+/// Returns a key of the settings that is neither in the list `keys` nor in one of its tables, or
 /// `None` if there is no such key.
 fn unlisted<'a>(settings: &'a BTreeMap<String, String>, keys: &str) -> Option<&'a String> {
     settings.keys().find(|key| {
@@ -248,12 +247,12 @@ impl Subject {
         self.drawing.is_none().then_some(&*self.word)
     }
 
-    /// True for a picture (JPEG), in which lines have to be detected.
+    /// True for a picture (JPEG), in which lines must be detected.
     pub fn is_picture(&self) -> bool {
         self.drawing.as_ref().is_some_and(|drawing| drawing.kind == Kind::Jpg)
     }
 
-    /// Returns width and height, both even, of a photo with about `pixels`.
+    /// Returns the width and height, both even, of a photo with about `pixels` pixels.
     pub fn size_px(&self, pixels: f64) -> [u32; 2] {
         let aspect = self.aspect.unwrap_or(16.0 / 9.0);
         let width = (pixels * aspect).sqrt();
@@ -265,7 +264,7 @@ impl Subject {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] for a picture that cannot be read, or is too large.
+    /// [`Error::Input`] for a picture that cannot be read or is too large.
     pub fn drawing(&self) -> Result<Option<(&'static str, Vec<u8>)>> {
         let Some(drawing) = &self.drawing else { return Ok(None) };
         let name = match drawing.kind {

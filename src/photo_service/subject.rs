@@ -14,7 +14,7 @@ use super::answer::Base;
 use super::request::{LOG, Subject};
 
 impl Subject {
-    /// Writes the log, if there is one, to a file. Returns the scene in the log.
+    /// Writes the log, if there is one, to a file, and returns the scene in the log.
     fn store_log(&self) -> Result<Option<CarriedScene>> {
         let Some(log) = &self.log else { return Ok(None) };
         let bytes = BASE64_STANDARD.decode(log).map_err(|broken| {
@@ -24,11 +24,11 @@ impl Subject {
         Ok(CarriedScene::in_log(LOG.as_ref()))
     }
 
-    /// Returns width, depth and height of the room in m, or `None` if the subject names no room.
+    /// Returns the room's width, depth and height in m, or `None` if there is no room.
     fn room_m(&self) -> Result<Option<[f64; 3]>> {
         let Some(text) = &self.room else { return Ok(None) };
         let room_m = parse_room(text).map_err(|wanted| {
-            // The parser's message begins with "wanted ", which the error adds itself.
+            // The parser's message begins with "wanted ", a word that the error adds itself.
             let wanted = wanted.strip_prefix("wanted ").unwrap_or(&wanted);
             Error::input("room", text, wanted, "reload the page")
         })?;
@@ -36,7 +36,7 @@ impl Subject {
     }
 
     /// Returns the scene of the page or of the log, with the visitor's settings, for a photo of
-    /// about `pixels`. `face` is a typeface file that replaces the scene's font.
+    /// about `pixels` pixels. `face` is a typeface file that replaces the scene's font.
     pub(crate) fn prepared(
         &self,
         base: &Base<'_>,
@@ -45,7 +45,7 @@ impl Subject {
     ) -> Result<PreparedScene> {
         let (drawing, room_m) = (self.drawing()?, self.room_m()?);
         let is_height_typed = self.settings.contains_key("letters.cap_height_m");
-        // 1. Settings in rising priority: room, drawing, visitor, typeface.
+        // 1. The settings of room, drawing, visitor and typeface, in increasing priority.
         let mut settings: Vec<(String, String)> = Vec::new();
         if let Some(room_m) = room_m {
             settings.push(("expose.room_m".into(), format!("{room_m:?}")));

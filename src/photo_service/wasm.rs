@@ -1,8 +1,9 @@
 //! The entry points of the WebAssembly module. A request and its answer are JSON in the memory of
 //! the module.
 //!
-//! The worker reserves memory for a request, writes the request there, and calls a function. The
-//! function returns the number of bytes of the answer, which is at [`output`].
+//! The browser's worker reserves memory for a request, writes the request there, and calls a
+//! function. The function returns the length of the answer in bytes. The answer is stored at
+//! [`output`].
 
 #![allow(unsafe_code, reason = "functions are exported by their names")]
 
@@ -17,7 +18,7 @@ use serde_json::json;
 
 #[link(wasm_import_module = "page")]
 unsafe extern "C" {
-    /// Reports which fraction of a stage is done. The stage is the flight (0) or the exposure (1).
+    /// Reports the completed fraction of a stage, which is the flight (0) or the exposure (1).
     safe fn progress(stage: u32, fraction: f64);
 }
 
@@ -52,7 +53,7 @@ extern "C" fn base() -> usize {
 #[unsafe(no_mangle)]
 extern "C" fn about() -> usize {
     let scene = Scene::preset(Preset::default());
-    // The user of a page without a server is both host and visitor.
+    // Without a server, the page's user is both host and visitor.
     let about = About {
         host: Host { role: Role::Visitor, boot: "", brand: &Brand::default(), network: false },
         alone: true,
@@ -69,26 +70,25 @@ extern "C" fn about() -> usize {
     put(json!(about).to_string())
 }
 
-/// Answers with the photo that is shown while a visitor types.
+/// Makes the photo that is shown while a visitor types.
 #[unsafe(no_mangle)]
 extern "C" fn live() -> usize {
     answered(|_| Product::Live)
 }
 
-/// Answers with the large photo.
+/// Makes the large photo.
 #[unsafe(no_mangle)]
 extern "C" fn photos() -> usize {
     answered(|photo| Product::Large { advice: false, files: photo.files })
 }
 
-/// Answers with an archive of the scripts that fly the subject.
+/// Makes an archive of the scripts that fly the subject.
 #[unsafe(no_mangle)]
 extern "C" fn script() -> usize {
     answered(|_| Product::Script)
 }
 
-/// Reads the request, makes its product, and stores the answer. Returns the answer's number of
-/// bytes.
+/// Reads the request, makes its product, and stores the answer. Returns its length in bytes.
 fn answered(product: fn(&PhotoRequest) -> Product) -> usize {
     let photo = match PhotoRequest::parse(&input(), Asker::Alone) {
         Ok(photo) => photo,
@@ -111,7 +111,7 @@ fn input() -> Vec<u8> {
     std::mem::take(&mut *INPUT.lock().unwrap_or_else(PoisonError::into_inner))
 }
 
-/// Stores an answer for the page to read at [`output`]. Returns the answer's number of bytes.
+/// Stores an answer, which the page reads at [`output`]. Returns its length in bytes.
 fn put(answer: String) -> usize {
     let bytes = answer.len();
     *OUTPUT.lock().unwrap_or_else(PoisonError::into_inner) = answer.into_bytes();

@@ -1,4 +1,4 @@
-//! Reads numpy arrays as the columns of one table, with one row per time.
+//! Reads numpy arrays as the columns of a table with one row per time.
 
 use std::collections::BTreeMap;
 
@@ -9,8 +9,8 @@ use pyo3::types::PyDict;
 use super::{numbers, refused};
 use noctograph::plan::HEADLIGHTS;
 
-/// Reader of the columns of a plan or a flight, which all have the length of `times_s`. `Plan::new`
-/// and `Flight::new` check the values later.
+/// Reader of the columns of a plan or a flight, all of which have the length of `times_s`.
+/// `Plan::new` and `Flight::new` check the values later.
 pub(super) struct Columns {
     pub(super) times_s: Vec<f64>,
 }
@@ -20,7 +20,7 @@ impl Columns {
         Ok(Self { times_s: numbers(time_s, "time_s", 1)? })
     }
 
-    /// Returns `width` numbers for each time, row by row. If `array` is `None`, all numbers are
+    /// Returns `width` numbers per time, row by row. If `array` is `None`, all numbers are
     /// `default`.
     pub(super) fn column(
         &self,
@@ -50,8 +50,8 @@ impl Columns {
         Ok(values.chunks(3).map(Vector3::from_column_slice).collect())
     }
 
-    /// Returns the lamps' levels by channel. An array in place of a dict contains the levels of the
-    /// headlights.
+    /// Returns the lamps' levels by channel. A single array in place of a dict contains the levels
+    /// of the headlights.
     pub(super) fn lights(
         &self,
         light: Option<&Bound<'_, PyAny>>,

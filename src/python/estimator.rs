@@ -1,4 +1,4 @@
-//! Estimators written in Python, which replace the scene's.
+//! Estimators written in Python, which replace the scene's estimator.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -9,7 +9,8 @@ use super::{array, numbers, refused};
 use noctograph::sensors::Readings;
 use noctograph::sim::Avionics;
 
-/// A Python class or function that creates a flight's estimator, and the first exception raised.
+/// A Python class or function that creates the estimator of a flight, and the first exception that
+/// was raised.
 #[derive(Clone, Debug)]
 pub(super) struct PyEstimator {
     factory: Arc<Py<PyAny>>,
@@ -29,7 +30,7 @@ impl PyEstimator {
             let estimator = created.map_err(|error| self.keep(error)).ok();
             let this = self.clone();
             Box::new(move |readings, tick_s| {
-                // The simulator counts a drone with an estimate of NaN as lost.
+                // The simulator treats a drone whose estimate is NaN as lost.
                 let Some(update) = &estimator else { return [f64::NAN; 12] };
                 let state = Python::attach(|py| call_update(py, update, readings, tick_s));
                 state.unwrap_or_else(|error| {
@@ -40,26 +41,26 @@ impl PyEstimator {
         });
     }
 
-    /// Takes the first exception that an estimator raised since the last call.
+    /// Removes and returns the first exception that an estimator has raised since the last call.
     pub(super) fn take_exception(&self) -> Option<PyErr> {
         self.exception.lock().unwrap_or_else(PoisonError::into_inner).take()
     }
 
-    /// Stores an exception for [`Self::take_exception`], unless an earlier one is stored.
+    /// Stores an exception for [`Self::take_exception`], unless one is already stored.
     fn keep(&self, error: PyErr) {
         self.exception.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
     }
 }
 
-/// Calls an estimator with a tick's readings. Returns the twelve states, or an exception if the
-/// result has another form.
+/// Calls an estimator with the readings of a tick. Returns the twelve states, or an exception if
+/// the result has another form.
 fn call_update(
     py: Python<'_>,
     update: &Py<PyAny>,
     readings: &Readings<'_>,
     tick_s: f64,
 ) -> PyResult<[f64; 12]> {
-    // The dict has a key only for sensors with a reading in this tick.
+    // The dict contains only the sensors that have a reading in this tick.
     let reading_by_name = PyDict::new(py);
     let vectors = [
         ("rate_rad_s", Some(readings.rate_rad_s)),
@@ -83,7 +84,7 @@ fn call_update(
     if ranges.len() > 0 {
         reading_by_name.set_item("ranges", ranges.collect::<Vec<_>>())?;
     }
-    // The answer has to be twelve finite numbers.
+    // The result must be twelve finite numbers.
     let state =
         numbers(update.bind(py).call1((reading_by_name, tick_s))?.as_any(), "estimator", 1)?;
     let not_finite = state.iter().enumerate().find(|(_, value)| !value.is_finite());

@@ -1,4 +1,4 @@
-//! Flights, which are simulated, imported from logs, or made from arrays.
+//! Flights, which are simulated, imported from logs, or created from arrays.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -109,12 +109,13 @@ impl PyFlight {
         let samples = (0..times_s.len()).map(|row| {
             let [yaw_rad, pitch_rad, roll_rad] = angles_rad[row].into();
             FlightSample {
-                // Times are rounded as in a file, so that the start of the clock has no effect.
+                // Times are rounded as in a file, so that the clock's start has no effect.
                 time_s: on_grid(times_s[row]),
                 position_m: positions_m[row],
                 attitude: Attitude { yaw_rad, pitch_rad, roll_rad },
                 design_m: designs_m[row],
-                // A sample with light has to belong to some letter, whose number does not matter.
+                // A sample with light must belong to a letter, but the number of the letter has no
+                // effect.
                 letter: lights.values().any(|levels| levels[row] > 0.0).then_some(0),
                 ..FlightSample::default()
             }
@@ -126,7 +127,7 @@ impl PyFlight {
         unlogged.extend(design_m.is_none().then_some(Quantity::Design));
         let flight = Flight::new(FlightData { samples, lights, unlogged, ..FlightData::default() });
         let mut flight = flight.map_err(|error| raised(py, &error))?;
-        // Numbers that look like other units or axes cause warnings.
+        // Numbers that look as if they had other units or axes cause warnings.
         let doubts = doubts(&flight);
         flight.edit(|flight| flight.warnings.extend(doubts.iter().cloned()));
         warn(py, doubts.iter().map(ToString::to_string))?;
@@ -282,11 +283,11 @@ impl PyFlight {
     }
 }
 
-/// Longest mean time between the samples of a flight, in s. Longer steps would miss strokes, which
-/// take a second or two.
+/// Maximum mean time between the samples of a flight, in s. Longer steps would miss strokes, which
+/// take one or two seconds.
 const LONGEST_STEP_S: f64 = 2.0;
 
-/// Returns the scene without setpoint lead and light timing, which fit only the scene's own
+/// Returns the scene without setpoint lead and light timing, which suit only the scene's own
 /// controller.
 pub(super) fn for_any_controller(mut scene: Scene) -> Scene {
     scene.plan.reference = ReferenceKind::Design;
@@ -312,7 +313,8 @@ fn fly_with_controller(
     Ok(Ok(session.finish()))
 }
 
-/// Calls a Python controller, with `time_s` if it `takes_time`. Returns its four motor commands.
+/// Calls a Python controller, with `time_s` if `takes_time` is true. Returns its four motor
+/// commands.
 fn call_controller(
     function: &Py<PyAny>,
     (state, reference): ([f64; 12], [f64; 9]),
@@ -325,7 +327,7 @@ fn call_controller(
             true => function.bind(py).call1((state, reference, time_s))?,
             false => function.bind(py).call1((state, reference))?,
         };
-        // The result has to be four numbers, which the simulator limits to the range of motor
+        // The result must be four numbers, which the simulator limits to the range of motor
         // commands.
         let motors = numbers(&motors, "controller", 1)?;
         let actual = match (motors.iter().position(|motor| motor.is_nan()), motors.try_into()) {
@@ -342,18 +344,19 @@ fn call_controller(
 ///
 /// Parameters
 /// ----------
-/// scene : Scene Its drone, controller, estimator, air and seed. plans : list of Plan, optional The
-/// scene's own by default. With a controller, those of ``plan.reference = "design"`` and
-/// ``plan.light_clock = "setpoint"``, which are not made for the scene's own controller. controller
-/// : callable, optional ``controller(state, reference)``, or ``controller(state, reference,
-/// time_s)``, returns the motor commands m1 to m4, 0 to 65535, in place of the scene's controller,
-/// for one drone. ``state`` is the estimate, shape (12,): position (m, world), yaw, pitch and roll
-/// (rad), velocity (m/s) and angular velocity (rad/s) in the body frame (x forward, y left, z up).
-/// ``reference`` is the design at this instant, shape (9,): position (m), velocity (m/s) and
-/// acceleration (m/s²), in the world. ``time_s`` is that of the flight, in s, as in
-/// ``Flight.time_s``. The controller is called ``rates.attitude_hz`` times a second (500 by
-/// default) while the motors are on.
-///
+/// scene : Scene
+///     Its drone, controller, estimator, air and seed.
+/// plans : list of Plan, optional
+///     The scene's plans by default. With a controller, they are made with ``plan.reference = "design"`` and
+///     ``plan.light_clock = "setpoint"``, and are not adapted to the scene's own controller.
+/// controller : callable, optional
+///     ``controller(state, reference)``, or ``controller(state, reference, time_s)``, returns the motor commands m1
+///     to m4, 0 to 65535, in place of the scene's controller, for one drone. ``state`` is the estimate, shape (12,):
+///     position (m, world), yaw, pitch and roll (rad), velocity (m/s) and angular velocity (rad/s) in the body frame
+///     (x forward, y left, z up). ``reference`` is the design at this instant, shape (9,): position (m), velocity
+///     (m/s) and acceleration (m/s²), in the world frame. ``time_s`` is the time of the flight in s, as in
+///     ``Flight.time_s``. The controller is called ``rates.attitude_hz`` times a second (500 by default) while the
+///     motors are on.
 /// estimator : callable, optional
 ///     In place of the scene's estimator, for one drone: ``estimator(state)``, a class or a function, is given the state
 ///     at rest, shape (12,), and returns what is called at each tick (``rates.control_hz``, 500 by default) with
@@ -401,15 +404,15 @@ pub(super) fn fly(
     Ok(flights.into_iter().map(PyFlight::new).collect())
 }
 
-/// The Python functions of a flight.
+/// Python functions that control and estimate a flight.
 struct PyFunctions {
     controller: Option<Py<PyAny>>,
     takes_time: bool,
     estimator: Option<PyEstimator>,
 }
 
-/// Flies plans, which are those of the scene if `plans` is `None`. `Ok(Err)` contains an exception
-/// of the controller.
+/// Flies the given plans or, if `plans` is `None`, those of the scene. `Ok(Err)` contains an
+/// exception that the controller raised.
 fn fly_plans(
     scene: Scene,
     plans: Option<Vec<Plan>>,
@@ -423,7 +426,7 @@ fn fly_plans(
         Some(plans) => Shoot::with_plans(scene, plans)?,
     };
     let n = shoot.plans.len();
-    // Without Python functions the drones fly together.
+    // Without Python functions, the drones are simulated together.
     if controller.is_none() && estimator.is_none() && (n > 1 || !covariance) {
         return shoot.fly(&|_, _| {}).map(Ok);
     }
@@ -431,7 +434,7 @@ fn fly_plans(
         let (what, hint) = ("controller or estimator", "fly each plan by itself");
         return Err(Error::input(what, format!("{n} plans"), "one plan", hint));
     }
-    // With Python functions or covariances, a session flies a single drone.
+    // With Python functions or covariances, a single drone is flown in a session.
     let mut session = shoot.session(|avionics| {
         estimator.iter().for_each(|estimator| estimator.install(avionics));
         if covariance {
@@ -467,7 +470,7 @@ pub(super) fn import_log(
 ) -> PyResult<PyFlight> {
     let scene = scene.map(|scene| scene.0.clone());
     let flight = run(py, &Stop::default(), move || {
-        // The scene's firmware applies to a log that names none.
+        // The scene's firmware is assumed for a log that does not name its firmware.
         let firmware = scene.as_ref().map(|scene| scene.vehicle.firmware);
         let options = ImportOptions { firmware, ..ImportOptions::default() };
         let mut flight = import(&path, &options)?;

@@ -1,7 +1,7 @@
-//! The Python package `noctograph` (crate `noctograph-python`): stages as functions, products as
-//! objects with numpy arrays. `examples/python` builds and documents it.
+//! The Python package `noctograph` (crate `noctograph-python`), in which stages are functions, and
+//! products are objects with numpy arrays. `examples/python` builds and documents it.
 //!
-//! While a stage runs, the interpreter is released, and polled for Ctrl-C.
+//! While a stage runs, the interpreter lock is released, and Ctrl-C is polled.
 #![expect(clippy::doc_markdown, reason = "docstrings of Python are in numpydoc's format")]
 
 mod columns;
@@ -33,7 +33,7 @@ use self::scene::PyScene;
 /// Time between two checks for Ctrl-C.
 const CHECK_EVERY: Duration = Duration::from_millis(50);
 
-/// The result of `__reduce__`: a function and its arguments, for pickle.
+/// Result of `__reduce__` for pickle, which is a function and its arguments.
 type Reduced<T> = (Py<PyAny>, T);
 
 #[pymodule]
@@ -55,12 +55,11 @@ mod _noctograph {
     const __version__: &str = env!("CARGO_PKG_VERSION");
 }
 
-/// Converts an error to a Python exception: a class of `noctograph.errors`, or `OSError`.
+/// Converts an error to a Python exception, which is a class of `noctograph.errors`, or `OSError`.
 fn raised(py: Python<'_>, error: &Error) -> PyErr {
     let (class, arguments) = match error {
         Error::Input { place, found, wanted, hint, .. } => {
-            // The place in a scene without a file contains only the key, because nobody has seen
-            // its lines.
+            // Without a file, the place of an error in the scene is only the key.
             let mut place = (**place).clone();
             if place.0.first() == Some(&Segment::File("scene".into())) {
                 place.0.retain(|part| matches!(part, Segment::Key(_) | Segment::Index(_)));
@@ -83,7 +82,7 @@ fn raised(py: Python<'_>, error: &Error) -> PyErr {
         }
         other => ("InfeasibleError", vec![other.to_string(), other.hint().to_owned()]),
     };
-    // If the class cannot be created, the reason becomes the exception.
+    // If the exception cannot be created, the reason is raised in its place.
     let exception = py.import("noctograph.errors").and_then(|errors| {
         let arguments = PyTuple::new(py, arguments)?;
         errors.getattr(class)?.call1(arguments)
@@ -102,7 +101,7 @@ fn refused(
     raised(py, &Error::input(place, found, wanted, hint))
 }
 
-/// Issues each text as a warning at the line of the user's call, see `noctograph/errors.py`.
+/// Issues each text as a warning at the line of the user's call (see `noctograph/errors.py`).
 fn warn(py: Python<'_>, texts: impl IntoIterator<Item = String>) -> PyResult<()> {
     let warn = py.import("noctograph.errors")?.getattr("warn")?;
     texts.into_iter().try_for_each(|text| warn.call1((text,)).map(drop))
@@ -116,7 +115,7 @@ fn command(py: Python<'_>, words: Vec<String>) -> PyResult<(String, Bound<'_, Py
 }
 
 /// Runs the command line `words` and returns its exit code. `program` is the command that starts
-/// another process of the program.
+/// the program in another process.
 #[pyfunction]
 fn main(py: Python<'_>, program: Vec<OsString>, words: Vec<OsString>) -> u8 {
     noctograph::cli::starts_as(program);
@@ -137,7 +136,7 @@ fn data_frame(py: Python<'_>, csv: String) -> PyResult<Bound<'_, PyAny>> {
     py.import("pandas")?.call_method1("read_csv", (text,))
 }
 
-/// Returns what pickle stores of an object: the static method `read`, and the text that it reads.
+/// Returns what pickle stores for an object, the static method `read` and the text to read.
 fn reduced(object: &Bound<'_, PyAny>, read: &str, text: String) -> PyResult<Reduced<(String,)>> {
     Ok((object.get_type().getattr(read)?.unbind(), (text,)))
 }
@@ -148,10 +147,10 @@ fn save(py: Python<'_>, path: &Path, bytes: &[u8]) -> PyResult<()> {
     written.map(|_path| ()).map_err(|error| raised(py, &error))
 }
 
-/// Writes the file of a plan or flight. If a scene is given, it is written beside it.
+/// Writes the file of a plan or flight, and a scene beside it if one is given.
 fn save_with(py: Python<'_>, path: &Path, bytes: &[u8], scene: Option<&PyScene>) -> PyResult<()> {
     let Some(PyScene(scene)) = scene else { return save(py, path, bytes) };
-    // Both files are created before either is named.
+    // Both temporary files are created before either is renamed.
     let written = Output::create(path).and_then(|file| {
         let beside = Output::create(&CarriedScene::path_beside(path))?;
         CarriedScene::keep_with(file.write_with(|out| out.write_all(bytes))?, beside, scene)
@@ -165,7 +164,7 @@ fn to_python<'py>(py: Python<'py>, value: &impl serde::Serialize) -> PyResult<Bo
     py.import("json")?.call_method1("loads", (json,))
 }
 
-/// Runs a stage with the interpreter released and returns its result. Ctrl-C stops the stage.
+/// Runs a stage with the interpreter lock released, and returns its result. Ctrl-C stops the stage.
 fn run<T: Send + 'static>(
     py: Python<'_>,
     stop: &Stop,
@@ -174,13 +173,13 @@ fn run<T: Send + 'static>(
     run_showing(py, stop, |_| Ok(()), Ends::ByItself, stage)
 }
 
-/// Way in which a stage ends after it was stopped.
+/// How a stage ends after it was stopped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Ends {
-    /// The stage calls no Python code, and ends by itself when it checks for the stop.
+    /// The stage calls no Python code, and ends by itself when it notices the stop.
     ByItself,
-    /// The stage calls Python code, which is forbidden while the interpreter exits, so that the
-    /// caller waits for its end.
+    /// The stage calls Python code, which is forbidden while the interpreter exits, so the caller
+    /// waits for the stage to end.
     Joined,
 }
 
@@ -196,7 +195,7 @@ fn run_showing<T: Send + 'static>(
     let result = py.detach(|| {
         let (sender, receiver) = channel();
         let worker = std::thread::spawn(move || {
-            // After Ctrl-C there is no receiver.
+            // After Ctrl-C, there is no receiver, and the result is dropped.
             let _ = sender.send(stage());
         });
         loop {
@@ -208,7 +207,7 @@ fn run_showing<T: Send + 'static>(
                     return Err(pyo3::exceptions::PyRuntimeError::new_err(text));
                 }
             }
-            // The interpreter is held only for this check and `show`.
+            // The interpreter lock is held only for this check and for `show`.
             if let Err(error) = Python::attach(|py| py.check_signals().and_then(|()| show(py))) {
                 stop.now();
                 while ends == Ends::Joined && !worker.is_finished() {
@@ -223,7 +222,7 @@ fn run_showing<T: Send + 'static>(
     Ok(product)
 }
 
-/// Copies bytes into a writable numpy array of a type and shape.
+/// Copies bytes into a writable numpy array of the given type and shape.
 fn array_of<'py>(
     py: Python<'py>,
     bytes: &[u8],
@@ -242,7 +241,7 @@ fn array<'py>(py: Python<'py>, values: &[f64], columns: usize) -> PyResult<Bound
     array_of(py, bytemuck::cast_slice(values), "f8", shape)
 }
 
-/// Converts columns by name to arrays of shape `(rows,)`.
+/// Converts named columns to arrays of shape `(rows,)`.
 fn arrays<'py>(
     py: Python<'py>,
     columns: &BTreeMap<String, Vec<f64>>,
@@ -255,7 +254,7 @@ fn arrays<'py>(
 fn numbers(array: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyResult<Vec<f64>> {
     let py = array.py();
     let array = py.import("numpy")?.call_method1("asarray", (array,))?;
-    // numpy's code of a type: `f` for floats, `c` for complex numbers, `U` for texts.
+    // numpy's codes of types include `f` for floats, `c` for complex numbers and `U` for texts.
     let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
     if !"biufO".contains(&*kind) {
         let actual = if kind == "c" { "complex numbers" } else { "no numbers" };
@@ -267,7 +266,7 @@ fn numbers(array: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyResult<Vec
         if columns == 1 { shape.len() == 1 } else { shape.len() == 2 && shape[1] == columns };
     if !fits {
         let wanted = if columns == 1 { "(N,)".to_owned() } else { format!("(N, {columns})") };
-        // The hint covers common mistakes: quaternions, a column vector, and a transposed array.
+        // The hint covers quaternions, column vectors, and transposed arrays.
         let hint = match name {
             "attitude_rad" if shape.last() == Some(&4) => {
                 "pass yaw, pitch and roll, which nc.attitude_rad computes from quaternions"

@@ -1,4 +1,4 @@
-//! Plans, which contain what is sent to a drone.
+//! Plans, which contain the setpoints and light commands for a drone.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -38,8 +38,9 @@ use noctograph::shoot::{Shoot, Stop};
 pub(super) struct PyPlan(pub(super) Plan);
 
 impl PyPlan {
-    /// Returns position, velocity, acceleration and jerk at `time_s`, from the setpoint `row`. The jerk
-    /// is that of a trajectory on board, or the slope of the acceleration to the next setpoint.
+    /// Returns the position, velocity, acceleration and jerk at `time_s`, after the setpoint `row`.
+    /// The jerk is that of a trajectory on board, or the slope of the acceleration up to the next
+    /// setpoint.
     fn design(&self, time_s: f64, row: usize) -> [Vector3<f64>; 4] {
         let (from, next) = (&self.0.setpoints[row], self.0.setpoints.get(row + 1));
         let Some(next) = next.filter(|_| time_s >= from.time_s) else {
@@ -89,7 +90,7 @@ impl PyPlan {
         let sent_m = sent_m.map(|sent_m| columns.points("sent_m", Some(sent_m))).transpose()?;
         let sent_m = sent_m.unwrap_or_default();
         let lights = columns.lights(light, 0.0)?;
-        // A setpoint with light belongs to a letter.
+        // A setpoint with light must belong to a letter.
         let setpoints = (0..columns.times_s.len()).map(|row| Setpoint {
             time_s: columns.times_s[row],
             position_m: positions_m[row],
@@ -186,7 +187,7 @@ impl PyPlan {
         py: Python<'py>,
         time_s: &Bound<'py, PyAny>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        // A single time gives arrays without the axis of times.
+        // A single time yields arrays without the time axis.
         let numpy = py.import("numpy")?;
         let is_one = numpy.call_method1("ndim", (time_s,))?.extract::<usize>()? == 0;
         let times = numpy.call_method1("atleast_1d", (time_s,))?;
@@ -202,8 +203,7 @@ impl PyPlan {
             return Err(refused(py, "plan", "no setpoint", "one or more", "plan a word"));
         }
         let rows: Vec<usize> = times_s.iter().map(|time_s| self.0.row_at(*time_s)).collect();
-        // Position, velocity, acceleration, jerk, yaw and light become arrays with one row per
-        // time.
+        // Each quantity of the design is an array with one row per time.
         let mut arguments = Vec::new();
         let times = times_s.iter().zip(&rows);
         let designs: Vec<_> = times.map(|(time_s, row)| self.design(*time_s, *row)).collect();

@@ -57,7 +57,7 @@ impl PyScene {
                 Scene::find(&name, &borrowed).map(|named| named.scene)
             }
         };
-        // The word is set last, because its letters depend on the font.
+        // The word is set after the other settings, because its letters depend on the font.
         let mut loaded = loaded.map_err(|error| raised(py, &error))?;
         if let Some(word) = word {
             loaded.set_word(word);
@@ -108,7 +108,7 @@ impl PyScene {
     ///     For example ``"vehicle.mass_kg"``. A table's name returns a dict of its keys.
     fn get<'py>(&self, py: Python<'py>, key: &str) -> PyResult<Bound<'py, PyAny>> {
         let scene = serde_json::to_value(&self.0).expect("a scene is a table");
-        // The parts are followed one after another, as keys of tables or indices of lists.
+        // Each part of the key selects a table's member or a list's item.
         let value = key.split('.').try_fold(&scene, |value, part| {
             value.get(part).or_else(|| value.get(part.parse::<usize>().ok()?))
         });
@@ -151,7 +151,7 @@ impl PyScene {
     }
 }
 
-/// Appends the dotted keys of a dict with their values, as the command line reads them.
+/// Appends the dotted keys of a dict with their values in the command line's syntax.
 fn flatten(
     table: &Bound<'_, PyDict>,
     path: &str,
@@ -168,8 +168,7 @@ fn flatten(
     Ok(())
 }
 
-/// Returns a value in the form that the command line reads, which is a text unchanged, and anything
-/// else as TOML.
+/// Converts a value to the command line's syntax, TOML except for texts, which are unchanged.
 #[pyfunction]
 pub(super) fn setting(value: &Bound<'_, PyAny>) -> PyResult<String> {
     value.extract::<String>().or_else(|_not_text| toml(value))

@@ -1,4 +1,4 @@
-//! Flights that advance together step by step, for reinforcement learning and slow controllers.
+//! Flights that advance together, step by step, for reinforcement learning and slow controllers.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -18,17 +18,17 @@ use noctograph::shoot::Stop;
 use noctograph::sim::{Avionics, Session};
 use noctograph::studies::{Conditions, Outcome, Prepared};
 
-/// Minimum number of commands that are flown on several threads. A command takes 5 µs, and starting
-/// a thread takes longer.
+/// Minimum number of commands that are flown on several threads. A command takes 5 µs, which is
+/// less than starting a thread.
 const LEAST_PARALLEL_COMMANDS: u32 = 16;
 
 /// One of the flights that are stepped together.
 #[derive(Debug, Default)]
 struct SeededFlight {
     seed: u64,
-    /// `None` before [`PySessions::reset`] and after the outcome.
+    /// The session, or `None` before [`PySessions::reset`] and after the outcome.
     session: Option<Session>,
-    /// Reason why the drone was lost.
+    /// Reason for which the drone was lost, if it was.
     lost: Option<String>,
 }
 
@@ -45,7 +45,7 @@ impl SeededFlight {
         }
     }
 
-    /// Ends the flight. Returns the outcome of its photo, and a warning if the drone never took off.
+    /// Ends the flight, and returns its photo's outcome, with a warning if it never took off.
     fn judge(self, prepared: &Prepared) -> Result<(Outcome, Option<Diagnostic>)> {
         match (self.lost, self.session) {
             (None, Some(session)) => {
@@ -76,9 +76,9 @@ impl PySessions {
         self.flights.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Returns the minimum number of flights that one thread starts. With a Python estimator one
-    /// thread starts all flights, so that an estimator which draws random numbers always draws them
-    /// in the same order.
+    /// Returns the minimum number of flights that one thread starts. With a Python estimator, one
+    /// thread starts all flights, so that an estimator always draws its random numbers in the same
+    /// order.
     fn least_flights_per_thread(&self) -> usize {
         if self.estimator.is_some() { usize::MAX } else { 1 }
     }
@@ -102,7 +102,7 @@ impl PySessions {
         by_itself: bool,
     ) -> PyResult<Self> {
         let scene = scene.0.clone();
-        // A plan that is adapted to the scene's own controller does not fit another controller.
+        // A plan that is adapted to the scene's own controller does not suit another controller.
         let scene = if by_itself { scene } else { for_any_controller(scene) };
         let conditions = conditions.to_owned();
         // The plan is computed once for all flights.
@@ -160,7 +160,7 @@ impl PySessions {
         motors: Option<&Bound<'_, PyAny>>,
         n_commands: Vec<u32>,
     ) -> PyResult<()> {
-        // The arguments are checked before anything moves, so that a refused call changes nothing.
+        // The arguments are checked before any drone moves, so that a refused call changes nothing.
         let n = self.all().len();
         let motors = match motors {
             None => vec![None; n],
@@ -198,8 +198,8 @@ impl PySessions {
     fn observations<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let (flights, columns) = (self.all(), PyDict::new(py));
         let sessions: Vec<_> = flights.iter().map(|flight| flight.session.as_ref()).collect();
-        // State and reference exist while a flight waits for a command, and are `None` after the
-        // landing.
+        // The state and the reference are known while a flight waits for a command, and are `None`
+        // after the landing.
         let awaiting: Vec<_> =
             sessions.iter().map(|s| s.and_then(Session::command_inputs)).collect();
         let numbers: [(&str, usize, Vec<f64>); 5] = [
@@ -242,7 +242,7 @@ impl PySessions {
             results.collect::<Result<Vec<_>>>()
         })?;
         let (outcomes, grounded): (Vec<Outcome>, Vec<_>) = results.into_iter().unzip();
-        // One warning stands for all drones that never took off.
+        // A single warning represents all drones that never took off.
         let (n, grounded) = (outcomes.len(), grounded.into_iter().flatten().collect::<Vec<_>>());
         let first = grounded.iter().take(1);
         let warnings = first.map(|warning| format!("{} of {n} flights: {warning}", grounded.len()));

@@ -1,4 +1,4 @@
-//! Shots, which are photographs with their flights and verdict.
+//! Shots, which are photographs with their flights and verdicts.
 
 use std::path::PathBuf;
 
@@ -31,8 +31,7 @@ pub(super) struct PyShot {
     warnings: Vec<Diagnostic>,
 }
 
-/// Maximum size of a picture in a notebook, in bytes. The base64 encoding is a third larger, 200
-/// kB.
+/// Maximum size of a picture in a notebook, in bytes. In base64, this is 200 kB.
 const MOST_BYTES: usize = 150_000;
 
 impl PyShot {
@@ -41,12 +40,11 @@ impl PyShot {
         self.shot.film.as_ref().expect("its shoot keeps it")
     }
 
-    /// Returns the photo as a JPEG of at most [`MOST_BYTES`], with a lower quality or a smaller size.
+    /// Returns the photo as a JPEG of at most [`MOST_BYTES`], at a reduced quality or size.
     fn small_jpeg(&self) -> Vec<u8> {
         let mut photo = self.shot.photo.clone();
         loop {
-            // Below a quality of 60, JPEG blocks would become visible. The sides are halved
-            // instead.
+            // The sides are halved, because JPEG blocks are visible below a quality of 60.
             for quality in [90, 75, 60] {
                 let bytes = photo::jpeg(&photo, quality);
                 if bytes.len() <= MOST_BYTES || photo.width_px.min(photo.height_px) < 2 {
@@ -217,15 +215,15 @@ fn problems(shot: &Shot) -> impl Iterator<Item = String> {
     shot.problems.iter().map(|problem| problem.sentence(Change::to_string))
 }
 
-/// Returns the recordings in `flights`, one or an iterable of them, with all their warnings. Issues
-/// only the warnings about files, because those about flights were issued when the flights were
-/// made.
+/// Returns the recordings in `flights`, which is one or an iterable of them, with all their
+/// warnings. Issues only the warnings about files, because those about flights were issued when the
+/// flights were created.
 fn recordings_of(
     py: Python<'_>,
     flights: &Bound<'_, PyAny>,
     scene: &Scene,
 ) -> PyResult<Warned<Vec<Recording>>> {
-    // A single path has to be recognized first, because a text is also iterable.
+    // A single path is recognized first, because a text is also iterable.
     let is_one = flights.cast::<PyFlight>().is_ok() || flights.extract::<PathBuf>().is_ok();
     let flights: Vec<Bound<'_, PyAny>> = match flights.try_iter() {
         Ok(each) if !is_one => each.collect::<PyResult<_>>()?,
@@ -246,7 +244,7 @@ fn recordings_of(
             recordings.product.push(Recording::Flight(flight.clone()));
             continue;
         }
-        // Any other value has to be the path of a file.
+        // Any other value must be the path of a file.
         let path = flight.extract::<PathBuf>().map_err(|_no_path| {
             let actual = flight.get_type().to_string();
             let hint = "make a Flight from its columns: nc.Flight(time_s, position_m, light=on)";
@@ -286,7 +284,7 @@ pub(super) fn score<'py>(
     let (width_px, height_px) = (photo.width_px, photo.height_px);
     let mut scene = scene.0.clone();
     (scene.camera.width_px, scene.camera.height_px) = (width_px, height_px);
-    // The scene's camera determines where the word is in the photo.
+    // The scene's camera determines the position of the word in the photo.
     let stage = move || {
         let strokes = scene.strokes()?;
         let camera = scene.camera.camera(strokes.bounds_m(), 0.0)?;
@@ -336,7 +334,7 @@ pub(super) fn read(py: Python<'_>, photo: &Bound<'_, PyAny>) -> PyResult<String>
         false => Err(photo.extract::<PathBuf>()?),
     };
     run(py, &Stop::default(), move || {
-        // The photo may be rotated, so that the likeliest of the four readings counts.
+        // Because the photo may be rotated, the most likely of four readings is returned.
         let photo = photo.or_else(|path| photo::read(&path))?;
         Ok(noctograph::score::read_any_way_up(&photo, "").0.of_writing().text)
     })

@@ -21,8 +21,8 @@ use noctograph::studies::{
     TuneOptions, Unranked, acuity, evaluate, flights_csv, marks_csv, rank, ranking_csv, tune,
 };
 
-/// Runs a stage that counts its flights, and repeatedly calls the Python function `progress(done,
-/// total)` during the stage. Returns the stage's result.
+/// Runs a stage that counts its flights, repeatedly calls the Python function `progress(done,
+/// total)` meanwhile, and returns the stage's result.
 fn counted<T: Send + 'static>(
     py: Python<'_>,
     progress: Option<Py<PyAny>>,
@@ -52,7 +52,7 @@ pub(super) fn outcomes<'py>(
     let (shape, conditions) = ([scenes.len(), seeds.len()], conditions.to_owned());
     let outcomes = counted(py, progress, shape[0] * shape[1], move |stop, counter| {
         let conditions = Conditions::find(&conditions)?;
-        // Each scene has a row with an outcome for each seed.
+        // The result contains a row for each scene, with an outcome for each seed.
         let rows = scenes.into_par_iter().map(|scene| {
             stop.check()?;
             let word = scene.word.clone();
@@ -78,7 +78,7 @@ pub(super) fn columns<'py>(
     shape: [usize; 2],
 ) -> PyResult<Bound<'py, PyDict>> {
     let columns = PyDict::new(py);
-    // If the drone was lost, its figures are NaN.
+    // The figures of a lost drone are NaN.
     let figures = Flown::<f64>::NAMES.into_iter().enumerate().map(|(index, name)| {
         let values = outcomes.iter().map(|outcome| outcome.flown.map(|it| it.values()[index]));
         (name, values.map(|value| value.unwrap_or(f64::NAN)).collect())
@@ -104,15 +104,15 @@ pub(super) fn columns<'py>(
     Ok(columns)
 }
 
-/// Returns the study of scenes with their names, words with their numbers of seeds, and a seed. Its
-/// conditions are still.
+/// Returns the study of named scenes, of words with their numbers of seeds, and of a seed, under
+/// the conditions `still`.
 fn study(scenes: Vec<(String, PyRef<'_, PyScene>)>, words: Vec<(String, u32)>, seed: u64) -> Study {
     let contenders =
         scenes.into_iter().map(|(name, scene)| NamedScene::new(&name, scene.0.clone())).collect();
     Study { contenders, words, conditions: Conditions::still(), seed }
 }
 
-/// Trials of a study: indices of contender and word, and seed.
+/// Trials of a study, each with the indices of its contender and word, and its seed.
 type Trials = Vec<(usize, usize, u64)>;
 
 /// Returns the trials of a ranking, in their order.
@@ -132,8 +132,8 @@ fn trials_of(study: &Study) -> Trials {
     study.trials().map(|trial| (trial.contender, trial.word, trial.seed)).collect()
 }
 
-/// Returns the rungs of a ladder with `n` seeds for each word. Each rung contains the scenes with
-/// the height of their letters, and the trials.
+/// Returns the rungs of a ladder with `n` seeds per word. Each rung contains the scenes with the
+/// rung's letter height, and the trials.
 #[pyfunction]
 pub(super) fn ladder(
     py: Python<'_>,
@@ -150,15 +150,15 @@ pub(super) fn ladder(
     Ok(rungs.collect())
 }
 
-/// Returns the study on each rung of its ladder, with `n` seeds for each word.
+/// Returns the study on each rung of its ladder, with `n` seeds per word.
 fn rungs(study: &Study, n: u32) -> Result<Vec<Study>> {
     let words = study.words.iter().map(|(word, _)| (word.clone(), n)).collect();
     let ladder = Study { words, ..study.clone() }.ladder();
     ladder.iter().try_for_each(Study::check).map(|()| ladder)
 }
 
-/// Flies the trials of a study that are not in `flown`, and returns the records of all of them.
-/// `flown` has the outcomes of trials that Python flew, as JSON by the trial's index.
+/// Flies the trials of a study that are not in `flown`, and returns the records of all trials.
+/// `flown` contains the outcomes of trials that Python flew, as JSON by the trial's index.
 fn records(
     study: &Study,
     flown: &BTreeMap<usize, String>,
@@ -170,7 +170,7 @@ fn records(
     let unflown = trials.iter().enumerate().filter(|(index, _)| !flown.contains_key(index));
     let unflown: Vec<Trial> = unflown.map(|(_, trial)| *trial).collect();
     let evaluated = evaluate(study, &study.prepare()?, &unflown, store, stop, done)?;
-    // Trials flown here and in Python are merged in the order of the trials.
+    // The outcomes of trials flown here and in Python are merged in the order of the trials.
     let mut evaluated = evaluated.into_iter();
     let records = trials.iter().enumerate().map(|(index, trial)| match flown.get(&index) {
         None => evaluated.next().expect("a record for each trial"),
@@ -185,10 +185,10 @@ fn records(
     Ok(records.collect())
 }
 
-/// Ranks scenes: see `rank` in `noctograph/studies.py`. Returns the table, and the keys of
-/// `ranking.json` with the flights. `flown` has the outcomes of trials that Python flew, as JSON by
-/// their index in [`trials`]. `smaller` has the number of seeds on each rung of [`ladder`], and such
-/// outcomes for each rung.
+/// Ranks scenes for `rank` in `noctograph/studies.py`. Returns the table, and the keys of
+/// `ranking.json` with the flights. `flown` contains the outcomes of trials that Python flew, as
+/// JSON by their index in [`trials`]. `smaller` contains the number of seeds on each rung of
+/// [`ladder`], and such outcomes for each rung.
 #[pyfunction]
 #[pyo3(signature = (scenes, words, conditions, seed, folder, flown, unranked, progress, smaller = None))]
 #[expect(clippy::too_many_arguments, reason = "Python names them")]
@@ -217,7 +217,7 @@ pub(super) fn ranking<'py>(
             study.check()?;
         }
         let store = folder.map(|folder| Store::open(&folder)).transpose()?;
-        // The study itself and then the rungs of its ladder are flown under one count of flights.
+        // The study and the rungs of its ladder are flown with a common count of flights.
         let rungs = ladder.iter().zip(&flown_on_rungs).map(|(rung, flown)| {
             (Study { conditions: study.conditions.clone(), ..rung.clone() }, flown)
         });
@@ -265,8 +265,8 @@ pub(super) fn least_flights(n_contenders: usize) -> u32 {
     noctograph::studies::least_flights(n_contenders)
 }
 
-/// Tunes a scene: see `tune` in `noctograph/studies.py`. Returns the table, the keys of
-/// `noctograph tune --json` with all candidates, and the tuned scene.
+/// Tunes a scene for `tune` in `noctograph/studies.py`. Returns the table, the keys of `noctograph
+/// tune --json` with all candidates, and the tuned scene.
 #[pyfunction]
 #[expect(clippy::too_many_arguments, reason = "Python names them")]
 pub(super) fn tuning<'py>(
@@ -315,17 +315,16 @@ pub(super) fn tuning<'py>(
             Ok((report, tuned.scene))
         },
     );
-    // The exception is reported as the cause of the end, because the search itself reports only
-    // that it was stopped.
+    // The exception is raised, because the search itself reports only that it was stopped.
     let exception = exception.lock().unwrap_or_else(PoisonError::into_inner).take();
     let (report, scene) = exception.map_or(result, Err)?;
     Ok((report.text, to_python(py, &report.json)?, PyScene(scene)))
 }
 
-/// Number of seeds per word in the test of a tuned scene.
+/// Number of seeds per word with which a tuned scene is tested.
 const TEST_SEEDS: u32 = 40;
 
-/// Calls a Python callback after a candidate. Returns true, which continues the search, if the
+/// Calls a Python callback after a candidate. Returns true, so that the search continues, if the
 /// callback returns true or None.
 fn call_back(callback: &Py<PyAny>, n_flights: usize, best: &Candidate) -> PyResult<bool> {
     Python::attach(|py| {

@@ -1,10 +1,10 @@
 //! Access: admits requests with a secret address, from pages of this server.
 //!
-//! Visitors, kiosks, the operator at this machine and each entry have an address with a secret. An
-//! entry's address gives access only to that entry. A host name that is rebound to this machine
-//! (DNS rebinding) is recognized by `Host`. A page of another origin that posts is recognized by
-//! `Origin`, `Sec-Fetch-Site`, or the content type, which needs a CORS preflight, and is refused.
-//! There are no cookies.
+//! Visitors, kiosks, the operator and each entry have separate addresses, each with a secret. The
+//! operator's address works only on this machine. An entry's address gives access only to that
+//! entry. The `Host` field reveals a name that was rebound to this machine (DNS rebinding). A POST
+//! from a page of another origin is recognized by `Origin`, `Sec-Fetch-Site`, or its content type,
+//! which requires a CORS preflight, and is refused. No cookies are used.
 
 use std::net::IpAddr;
 
@@ -16,63 +16,63 @@ use super::address::{Address, is_secret};
 use super::http::{HttpError, HttpResult, MAX_BODY};
 use noctograph_photo_service::request::Asker;
 
-/// Message for an address without a valid secret. A browser gets a page instead.
+/// Message for an address without a valid secret. A browser receives a page instead.
 pub(crate) const OLD_ADDRESS: &str = "open the address that the program printed";
 
-/// The rules for admitting requests.
+/// Rules for admitting requests.
 #[derive(Debug)]
 pub(crate) struct Access {
     pub(crate) address: Address,
-    /// True if other machines are served.
+    /// True if requests from other machines are admitted.
     pub(crate) network: bool,
 }
 
-/// The kind of address to which a request is sent.
+/// Kind of address to which a request is sent.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Base {
     Visitors,
-    /// A public screen in the hall, without settings and downloads.
+    /// Address of a public screen in the hall, without settings or downloads.
     Kiosk,
     Operator,
-    /// The name of an entry, which may not exist.
+    /// Address of the entry with this name, which may not exist.
     Entry(String),
 }
 
-/// A request that was admitted.
+/// An admitted request.
 #[derive(Debug)]
 pub(crate) struct Request {
     pub(crate) peer: IpAddr,
     pub(crate) base: Base,
     pub(crate) route: String,
-    /// The text after the question mark.
+    /// Text after the question mark.
     pub(crate) query: String,
-    /// The `ETag` of the file in the browser's cache, empty if there is none.
+    /// `ETag` of the file in the browser's cache, or an empty text if there is none.
     pub(crate) if_none_match: Option<String>,
-    /// The body of a POST, read after the request was admitted. `None` for a GET.
+    /// Body of a POST, read after the request is admitted, or `None` for a GET.
     pub(crate) body: Option<Bytes>,
 }
 
 impl Request {
-    /// True if it comes from this machine, and not from a kiosk.
+    /// True if the request comes from this machine and is not sent to the kiosk's address.
     pub(crate) fn is_home(&self) -> bool {
         self.peer.is_loopback() && self.base != Base::Kiosk
     }
 
-    /// Returns the kind of page that sends the request.
+    /// Returns the kind of page that sent the request.
     pub(crate) fn asker(&self) -> Asker {
         if self.base == Base::Kiosk { Asker::Kiosk } else { Asker::Served }
     }
 }
 
 impl Access {
-    /// Checks the header of a request. Returns the request with an empty body for a POST, or the
-    /// reason of a refusal.
+    /// Checks the header of a request. Returns the request, with an empty body for a POST, or the
+    /// reason for refusing it.
     pub(crate) fn admit(&self, head: &Parts, peer: IpAddr) -> HttpResult<Request> {
         let n_hosts = head.headers.get_all("host").iter().count();
         if n_hosts > 1 || !self.is_this_server(field(head, "host")) {
             return Err(HttpError(421, "the address names another host"));
         }
-        // No route has a percent sign, so paths are not decoded.
+        // No route contains a percent sign, so paths need no decoding.
         let (base, route) = self.base(head.uri.path(), peer).ok_or(HttpError(403, OLD_ADDRESS))?;
         let body = match head.method {
             Method::GET => None,
@@ -87,7 +87,7 @@ impl Access {
         Ok(Request { peer, base, route: route.to_owned(), query, if_none_match, body })
     }
 
-    /// Returns the kind of address and the route of a path. `None` without a valid secret.
+    /// Returns the kind of address and the route of a path, or `None` without a valid secret.
     fn base<'a>(&self, path: &'a str, peer: IpAddr) -> Option<(Base, &'a str)> {
         let mut parts = path.strip_prefix('/')?.splitn(3, '/');
         let (kind, secret, route) = (parts.next()?, parts.next()?, parts.next()?);
@@ -129,7 +129,7 @@ pub(crate) fn language<'a>(head: &Parts, languages: &[&'a str]) -> Option<&'a st
     wanted.filter_map(|tag| languages.iter().find(|code| **code == tag).copied()).next()
 }
 
-/// Returns a field of a request. Empty if it is missing or not ASCII.
+/// Returns a header field of a request, or an empty text if it is missing or not ASCII.
 fn field<'a>(head: &'a Parts, name: &str) -> &'a str {
     head.headers.get(name).and_then(|value| value.to_str().ok()).unwrap_or_default()
 }
@@ -138,7 +138,7 @@ fn field<'a>(head: &'a Parts, name: &str) -> &'a str {
 fn check_post(head: &Parts) -> HttpResult<()> {
     let origin = format!("http://{}", field(head, "host"));
     for (name, expected) in [("origin", &*origin), ("sec-fetch-site", "same-origin")] {
-        // A field that is sent twice has two values, and each of them must be right.
+        // A field may be sent more than once, and each of its values must be correct.
         if head.headers.get_all(name).iter().any(|value| value != expected) {
             return Err(HttpError(403, "a page of another origin asks"));
         }
@@ -149,14 +149,14 @@ fn check_post(head: &Parts) -> HttpResult<()> {
     if !head.headers.contains_key("content-length") {
         return Err(HttpError(411, "a Content-Length"));
     }
-    // hyper has refused a length that is not a number, so an error here is a number too large.
+    // hyper refuses a length that is not a number, so only a number that is too large fails here.
     match field(head, "content-length").parse() {
         Ok(0..=MAX_BODY) => Ok(()),
         _ => Err(HttpError(413, "at most 256 KiB; simplify the drawing")),
     }
 }
 
-/// True if two secrets are equal. The comparison takes the same time wherever they differ.
+/// True if two secrets are equal. The time of the comparison does not depend on where they differ.
 fn secrets_match(a: &str, b: &str) -> bool {
     let different_bits = a.bytes().zip(b.bytes()).fold(0, |bits, (a, b)| bits | (a ^ b));
     a.len() == b.len() && different_bits == 0

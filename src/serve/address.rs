@@ -1,5 +1,5 @@
 //! The addresses of the pages. A gallery stores their secrets and their port, so that tablets and
-//! printed codes work after a restart.
+//! printed codes still work after a restart.
 
 use std::io::Write;
 use std::net::{IpAddr, Ipv4Addr, TcpListener, UdpSocket};
@@ -13,7 +13,7 @@ use noctograph_core::files::Limit;
 const FILE: &str = "address.json";
 const LIMIT: Limit = Limit { bytes: 4 << 10, what: "an address", hint: "remove it for a new one" };
 
-/// Secret parts of the addresses, and their port.
+/// Secrets in the addresses, and their port.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Address {
@@ -24,7 +24,7 @@ pub(crate) struct Address {
     pub(crate) port: u16,
 }
 
-/// Returns a name that cannot be guessed: 128 random bits from the system, in hexadecimal.
+/// Returns a name that cannot be guessed, 128 random bits from the system in hexadecimal.
 pub(crate) fn secret() -> Result<String> {
     let mut bytes = [0; 16];
     getrandom::fill(&mut bytes).map_err(|error| {
@@ -40,7 +40,7 @@ pub(crate) fn is_secret(name: &str) -> bool {
 
 impl Address {
     /// Returns the address that the gallery stores, or a new one, and the listener on its port. If
-    /// `port` is 0, it is the stored port or any free one.
+    /// `port` is 0, the port is the stored one or any free one.
     pub(crate) fn open(
         gallery: Option<&Path>,
         port: u16,
@@ -57,7 +57,7 @@ impl Address {
             Some(stored) => Self { port, ..stored },
             None => Self { visitors: secret()?, kiosk: String::new(), operator: secret()?, port },
         };
-        // Galleries of earlier versions have no kiosk.
+        // Galleries of earlier versions contain no secret for kiosks.
         if address.kiosk.is_empty() {
             address.kiosk = secret()?;
         }
@@ -70,7 +70,7 @@ impl Address {
     /// Reads the address of a gallery, and checks its secrets.
     fn read(path: &Path) -> Result<Self> {
         let text = LIMIT.read_text(path)?;
-        // A weak secret would open the gallery to anybody who guesses it.
+        // Anybody could guess a weak secret and open the gallery.
         let wrong = match serde_json::from_str::<Self>(&text) {
             Err(error) => error.to_string(),
             Ok(address) => match address.weak_secret() {
@@ -82,8 +82,8 @@ impl Address {
         Err(Error::input(path.display(), wrong, wanted, LIMIT.hint))
     }
 
-    /// Returns a secret that can be guessed. `None` if all are strong. Galleries of earlier
-    /// versions have none for kiosks.
+    /// Returns a secret that can be guessed, or `None` if all are strong. An empty secret for
+    /// kiosks, as in galleries of earlier versions, is not checked.
     fn weak_secret(&self) -> Option<&String> {
         let kiosk = Some(&self.kiosk).filter(|kiosk| !kiosk.is_empty());
         let mut secrets = [&self.visitors, &self.operator].into_iter().chain(kiosk);
@@ -94,7 +94,7 @@ impl Address {
     fn write(&self, folder: &Path) -> Result<()> {
         let path = folder.join(FILE);
         let text = serde_json::to_string_pretty(self).expect("it is plain data") + "\n";
-        // `tempfile` makes files that only their owner can read.
+        // `tempfile` creates files that only their owner can read.
         let written = tempfile::NamedTempFile::new_in(folder).and_then(|mut file| {
             file.write_all(text.as_bytes())?;
             file.as_file().sync_all()?;
@@ -126,8 +126,8 @@ impl Address {
     }
 }
 
-/// Listens on a port. Returns the listener and its port. If `port` is 0, it is the stored port, or
-/// any free one if another program uses that.
+/// Listens on a port, and returns the listener and its port. If `port` is 0, it is the stored port,
+/// or any free port if another program uses the stored one.
 fn listen(ip: Ipv4Addr, port: u16, stored: u16) -> std::io::Result<(TcpListener, u16)> {
     let listener = match port {
         0 => TcpListener::bind((ip, stored)).or_else(|_in_use| TcpListener::bind((ip, 0))),
@@ -137,8 +137,8 @@ fn listen(ip: Ipv4Addr, port: u16, stored: u16) -> std::io::Result<(TcpListener,
     Ok((listener, port))
 }
 
-/// Returns the IP address of this machine in its network. Connecting a UDP socket sends nothing,
-/// but looks up the route, here to an address that is reserved for examples (RFC 5737).
+/// Returns this machine's IP address in its network. Connecting a UDP socket sends nothing, but
+/// looks up the route, here to an address that is reserved for examples (RFC 5737).
 pub(crate) fn own_ip() -> Option<IpAddr> {
     let socket = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).ok()?;
     socket.connect((Ipv4Addr::new(192, 0, 2, 1), 9)).ok()?;

@@ -1,4 +1,4 @@
-//! The words and the logo of a host: a folder with `brand.toml` and, if there is one, `logo.svg`.
+//! Texts and logo of a host, read from a folder with `brand.toml` and optionally `logo.svg`.
 //!
 //! ```toml
 //! title = "Night of the Open Hall"
@@ -17,27 +17,27 @@ use noctograph_photo_service::about::Brand as Words;
 const TABLE: Limit = Limit { bytes: 64 << 10, what: "a brand", hint: "shorten its sentences" };
 const LOGO: Limit = Limit { bytes: 256 << 10, what: "a logo", hint: "simplify its paths" };
 
-/// Greatest number of characters in a title.
+/// Maximum number of characters in a title.
 const MAX_TITLE: usize = 60;
-/// Greatest number of characters in a sentence, in each language.
+/// Maximum number of characters in a sentence, in each language.
 const MAX_SENTENCE: usize = 240;
 
-/// The words and the logo of a host.
+/// Texts and logo of a host.
 #[derive(Debug, Default)]
 pub(crate) struct Brand {
-    /// The words, which pages get as JSON.
+    /// Texts, which pages receive as JSON.
     pub(crate) words: Words,
-    /// The logo (SVG).
+    /// Logo (SVG).
     pub(crate) svg: Option<String>,
 }
 
 impl Brand {
-    /// Reads the words and the logo from a folder, and checks them.
+    /// Reads the texts and the logo from a folder, and checks them.
     pub(crate) fn read(folder: &Path) -> Result<Self> {
         let path = folder.join("brand.toml");
         let mut words: Words = toml::from_str(&TABLE.read_text(&path)?)
             .map_err(|e| refused(&path, "table", e.message(), "title, [sentence], [consent]"))?;
-        // Texts have to fit into the page.
+        // The length of the texts is limited so that they fit into the page.
         let titles = words.title.iter().map(|title| ("title", title, MAX_TITLE));
         let sentences = words.sentence.values().chain(words.consent.values());
         let sentences = sentences.map(|sentence| ("sentence", sentence, MAX_SENTENCE));
@@ -59,7 +59,7 @@ impl Brand {
     }
 }
 
-/// Returns the error for a key of the brand's file.
+/// Returns the error for an invalid value of a key in `brand.toml`.
 fn refused(path: &Path, key: &str, actual: &str, wanted: &str) -> Error {
     Error::input(key, actual, wanted, "see docs/page.md").in_file(path.display(), None)
 }

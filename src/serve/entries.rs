@@ -1,4 +1,4 @@
-//! Entries that visitors sent to be flown, for the queue, the wall and the page of each entry.
+//! Entries that visitors have sent to be flown, for the queue, the wall and each entry's page.
 
 use std::collections::{HashMap, HashSet};
 use std::net::IpAddr;
@@ -19,25 +19,25 @@ use noctograph_core::error::Result;
 use noctograph_photo_service::messages::{Key, KeyResult};
 use noctograph_photo_service::request::Subject;
 
-/// Greatest number of waiting entries.
+/// Maximum number of waiting entries.
 const MAX_WAITING: usize = 1000;
-/// Greatest number of waiting entries from one IP address.
+/// Maximum number of waiting entries from one IP address.
 const MAX_WAITING_OF_SENDER: usize = 500;
-/// Entries that an IP address may send at once.
+/// Number of entries that an IP address may send at once.
 const BURST: f64 = 6.0;
-/// Time after which an IP address may send one more entry.
+/// Time after which an IP address may send one more entry, in s.
 const REFILL_S: f64 = 5.0;
-/// Greatest number of photos on the wall.
+/// Maximum number of photos on the wall.
 const MAX_ON_WALL: usize = 500;
-/// Longest wait for a change.
+/// Longest time for which a request waits for a change.
 const NEWS_TIMEOUT: Duration = Duration::from_secs(20);
-/// Time between two flights, to change batteries and to carry the drone back.
+/// Time between two flights for changing the battery and carrying the drone back, in s.
 const BETWEEN_S: f64 = 60.0;
 
-/// Title of a drawing in its scripts and logs.
+/// Title of every drawing in scripts and logs.
 const DRAWING: &str = "drawing";
 
-/// An action of the operator on an entry.
+/// Action of the operator on an entry.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum Act {
@@ -45,7 +45,7 @@ pub(crate) enum Act {
     Reject,
     /// Undoes [`Self::Approve`] and [`Self::Reject`].
     Wait,
-    /// The entry flies now, and the entry that flew before has flown.
+    /// Marks the entry as in the air, and any other entry in the air as flown.
     Fly,
     Flown,
     /// Removes the entry from the wall.
@@ -53,13 +53,13 @@ pub(crate) enum Act {
     Show,
 }
 
-/// An entry as its visitor gets it.
+/// An entry as its visitor receives it.
 #[derive(Debug, Serialize)]
 pub(crate) struct ForVisitor {
     id: String,
     number: u32,
     title: Option<String>,
-    /// The day.
+    /// Date on which the entry was made.
     made: String,
     state: State,
     language: String,
@@ -69,14 +69,14 @@ pub(crate) struct ForVisitor {
     readability: Option<f64>,
     /// Its flight, if the log was followed.
     flown: Option<FlownPhoto>,
-    /// Number of entries that fly before it, and the time that they take.
+    /// Number of entries that fly before this one, and the time that they take.
     ahead: usize,
     ahead_s: f64,
-    /// Time since its take-off. `None` if it does not fly, or after a restart of the server.
+    /// Time since take-off in s, or `None` if it is unknown or the entry is not in the air.
     flown_s: Option<f64>,
 }
 
-/// The photos on the wall.
+/// Photos on the wall.
 #[derive(Debug, Serialize)]
 pub(crate) struct Wall {
     revision: u64,
@@ -88,46 +88,46 @@ struct WallPhoto {
     key: String,
     title: Option<String>,
     flight_s: f64,
-    /// True if it is in the air.
+    /// True if the entry is in the air.
     flying: bool,
     readability: Option<f64>,
     /// Its flight, if the log was followed.
     flown: Option<FlownPhoto>,
-    /// True if the light of its flight is shown as far as it has come.
+    /// True if the wall shows the light of the flight so far.
     live: bool,
 }
 
-/// The photo of a flight as far as it has come.
+/// Photo of a flight so far.
 #[derive(Debug)]
 struct Light {
     /// Name of the entry.
     id: String,
     jpeg: Bytes,
-    /// False when the flight is over. A wall may still get the last photo.
+    /// False when the flight is over. The wall may still request the last photo.
     is_live: bool,
 }
 
-/// A note for the operator about the log of a flight.
+/// Note for the operator about the log of a flight.
 #[derive(Debug, PartialEq, Serialize)]
 pub(crate) struct FlightNote {
-    /// Name of its sentence.
+    /// Name of the page's sentence.
     pub(crate) key: &'static str,
     /// Name of the log.
     pub(crate) name: String,
-    /// The reason, in English, or the word that the log writes.
+    /// Reason in English, or the word that was flown according to the log.
     pub(crate) why: String,
 }
 
-/// The whole queue, for the operator.
+/// The complete queue, for the operator.
 #[derive(Debug, Serialize)]
 struct Queue<'a> {
     revision: u64,
     paused: bool,
     /// In the order of flight.
     entries: Vec<ForOperator<'a>>,
-    /// Name of the entry that is in the air.
+    /// Name of the entry in the air.
     flying: Option<&'a str>,
-    /// About the logs of flights.
+    /// Notes about the logs of flights.
     notes: &'a Vec<FlightNote>,
 }
 
@@ -141,7 +141,7 @@ struct Acted<'a> {
 struct Stored {
     entry: Entry,
     folder: PathBuf,
-    /// Its sender. `None` after a restart of the server.
+    /// IP address of the sender, or `None` after a restart of the server.
     sender: Option<IpAddr>,
 }
 
@@ -150,10 +150,10 @@ struct List {
     /// In the order of flight.
     entries: Vec<Stored>,
     paused: bool,
-    /// Time at which the entry in the air took off.
+    /// Take-off time of the entry in the air.
     took_off: Option<Instant>,
     senders: Senders,
-    /// The flight that is followed.
+    /// Light of the flight that is being followed.
     light: Option<Light>,
     notes: Vec<FlightNote>,
 }
@@ -161,22 +161,23 @@ struct List {
 #[derive(Debug)]
 pub(crate) struct Entries {
     gallery: Gallery,
-    /// True if the wall shows entries that nobody approved.
+    /// True if the wall shows entries that nobody has approved.
     is_open: bool,
     warn: fn(&str),
     list: Mutex<List>,
-    /// Rises with every change.
+    /// Revision of the list, which increases with every change.
     revision: watch::Sender<u64>,
 }
 
-/// Token buckets of recent senders: the entries that an address could still send, and when.
+/// Token bucket of each recent sender, as the number of entries that the address could still send,
+/// and the time of that number.
 #[derive(Debug, Default)]
 struct Senders(HashMap<IpAddr, (f64, Instant)>);
 
 impl Senders {
-    /// True if an address may send one more entry, which is then counted.
+    /// True if an address may send one more entry. If so, the entry is counted.
     fn admit(&mut self, address: IpAddr, now: Instant) -> bool {
-        // A full bucket is like a new one, so it is removed.
+        // Full buckets are removed, because they equal new ones.
         self.0.retain(|_, bucket| refilled(*bucket, now) < BURST);
         let tokens = self.0.get(&address).map_or(BURST, |bucket| refilled(*bucket, now));
         if tokens >= 1.0 {
@@ -191,17 +192,17 @@ fn refilled((tokens, since): (f64, Instant), now: Instant) -> f64 {
     f64::min(BURST, tokens + now.saturating_duration_since(since).as_secs_f64() / REFILL_S)
 }
 
-/// What a visitor learns about the entry of a photo.
+/// Receipt for the visitor who sent a photo.
 #[derive(Debug)]
 pub(crate) struct Receipt {
     pub(crate) id: String,
     pub(crate) number: u32,
-    /// False if the photo had an entry already.
+    /// False if the photo already had an entry.
     pub(crate) is_new: bool,
 }
 
 impl Entries {
-    /// Opens a gallery, and reads its entries in the order of flight. New entries come last.
+    /// Opens a gallery, and reads its entries in the order of flight, new ones last.
     pub(crate) fn open(folder: &std::path::Path, is_open: bool, warn: fn(&str)) -> Result<Self> {
         let gallery = Gallery::open(folder)?;
         let Order { paused, numbers } = gallery.read_order();
@@ -216,18 +217,18 @@ impl Entries {
         Ok(Self { gallery, is_open, warn, list, revision: watch::Sender::new(1) })
     }
 
-    /// Checks that an address may send a photo, before the photo is made. Returns the receipt of
-    /// the entry that has the photo already, if there is one.
+    /// Checks, before a photo is made, that an address may send it. Returns the receipt if the
+    /// photo already has an entry.
     pub(crate) fn admit(&self, photo: &str, sender: IpAddr) -> KeyResult<Option<Receipt>> {
         let mut list = self.list();
         if let Some(receipt) = list.receipt(photo) {
             return Ok(Some(receipt));
         }
-        // After the check above, so that a photo sent before the pause is confirmed again.
+        // Photos sent before the pause have been confirmed again by the check above.
         if list.paused {
             return Err(Key::Paused);
         }
-        // Limits of the queue, and then of the rate, which counts the request.
+        // The limits of the queue are checked before the rate limit, which counts the request.
         let waiting = list.entries.iter().filter(|stored| stored.entry.state == State::Waiting);
         let n_of_sender = waiting.clone().filter(|stored| stored.sender == Some(sender)).count();
         if waiting.count() >= MAX_WAITING || n_of_sender >= MAX_WAITING_OF_SENDER {
@@ -245,7 +246,7 @@ impl Entries {
         if let Some(receipt) = list.receipt(&photo.id) {
             return Ok(receipt);
         }
-        // The list stays locked while the entry is written, so its number is unique.
+        // The list stays locked while the entry is written, so that its number is unique.
         let number = list.entries.iter().map(|s| s.entry.number).max().map_or(1, |n| n + 1);
         let added = Entry::new(photo, language, number).and_then(|mut entry| {
             let folder = self.gallery.add(&mut entry, photo)?;
@@ -261,15 +262,15 @@ impl Entries {
         Ok(Receipt { id, number, is_new: true })
     }
 
-    /// Does an action of the operator, whose page showed the state `seen`. If another page has
-    /// changed the state since, it is a conflict. Returns the JSON of [`Acted`].
+    /// Performs an action of the operator, whose page showed the state `seen`. Refuses the action
+    /// if the state has changed since. Returns the JSON of [`Acted`].
     pub(crate) fn act(&self, id: &str, act: Act, seen: Option<State>) -> KeyResult<String> {
         let mut list = self.list();
         let index = list.index(id)?;
         if seen.is_some_and(|seen| seen != list.entries[index].entry.state) {
             return Err(Key::Conflict);
         }
-        // Only one entry flies at a time, so the one before has flown.
+        // Only one entry flies at a time, so any other entry in the air has flown.
         if act == Act::Fly {
             let flying = list.entries.iter_mut().filter(|s| s.entry.state == State::Flying);
             for stored in flying.filter(|stored| stored.entry.id != id) {
@@ -292,11 +293,11 @@ impl Entries {
         Ok(serde_json::to_string(&acted).expect("an entry is plain data"))
     }
 
-    /// Removes a visitor's own entry, provided that it still waits for approval.
+    /// Removes a visitor's own entry if it is still waiting for approval.
     pub(crate) fn withdraw(&self, id: &str, visitor: &str) -> KeyResult<()> {
         let mut list = self.list();
         let index = list.index(id)?;
-        // An id does not prove who sent the entry, because others may have seen it on a screen.
+        // Knowing the id does not prove ownership, because others may have seen it on a screen.
         let entry = &list.entries[index].entry;
         if entry.visitor != visitor {
             return Err(Key::Closed);
@@ -311,10 +312,10 @@ impl Entries {
         Ok(())
     }
 
-    /// Moves entries to the front, in the order of `ids`. Returns the new revision.
+    /// Moves entries to the front of the queue, in the order of `ids`. Returns the new revision.
     pub(crate) fn reorder(&self, ids: &[String]) -> KeyResult<u64> {
         let mut list = self.list();
-        // The sort is stable, so the other entries keep their order.
+        // The sort is stable, so that the other entries keep their order.
         let mut entries: Vec<&Stored> = list.entries.iter().collect();
         entries.sort_by_key(|stored| stored.rank(ids));
         self.write_order(list.paused, entries)?;
@@ -330,7 +331,7 @@ impl Entries {
         Ok(self.announce_change())
     }
 
-    /// Writes the order of flight to the gallery. Callers do that before they change it in memory.
+    /// Writes the order of flight to the gallery, before callers change the order in memory.
     fn write_order<'a>(
         &self,
         paused: bool,
@@ -340,7 +341,7 @@ impl Entries {
         self.gallery.write_order(&Order { paused, numbers }).map_err(|_cause| Key::DiskFull)
     }
 
-    /// Waits for a change since the revision `seen`, for [`NEWS_TIMEOUT`] at most. Returns the
+    /// Waits for a change since the revision `seen`, for at most [`NEWS_TIMEOUT`]. Returns the
     /// current revision.
     pub(crate) async fn news(&self, seen: u64) -> u64 {
         let mut changes = self.revision.subscribe();
@@ -369,7 +370,7 @@ impl Entries {
         serde_json::to_string(&queue).expect("entries are plain data")
     }
 
-    /// Returns an entry as its visitor gets it.
+    /// Returns an entry as its visitor receives it.
     pub(crate) fn for_visitor(&self, id: &str) -> KeyResult<ForVisitor> {
         let list = self.list();
         let index = list.index(id)?;
@@ -377,7 +378,7 @@ impl Entries {
         let Entry { id, number, title, made, state, language, figures, flown, .. } =
             list.entries[index].entry.clone();
         let Figures { flight_s, read, legible, readability, .. } = figures;
-        // The date of an RFC 3339 time has ten characters.
+        // The first ten characters of an RFC 3339 time are its date.
         let made = made.get(..10).unwrap_or_default().to_owned();
         Ok(ForVisitor {
             id,
@@ -397,18 +398,18 @@ impl Entries {
         })
     }
 
-    /// Returns the path of an entry's file. `None` if it does not exist.
+    /// Returns the path of an entry's file, or `None` if it does not exist.
     pub(crate) fn file(&self, id: &str, name: &str) -> Option<PathBuf> {
         regular_file(self.list().first(|entry| entry.id == id)?.folder.join(name))
     }
 
-    /// Returns the photos on the wall, the newest first. Each visitor's word appears once.
+    /// Returns the photos on the wall, newest first. A visitor's repeated word appears once.
     pub(crate) fn wall(&self) -> Wall {
         let list = self.list();
         let entries = list.entries.iter().map(|stored| &stored.entry);
         let mut entries: Vec<&Entry> = entries.filter(|entry| self.is_shown(entry)).collect();
         entries.sort_by_key(|entry| std::cmp::Reverse(entry.number));
-        // Drawings have no title, and all of them are shown.
+        // All drawings are shown, because they have no titles to compare.
         let mut words = HashSet::new();
         entries.retain(|Entry { title, visitor, .. }| {
             title.as_ref().is_none_or(|title| words.insert((title, visitor)))
@@ -425,7 +426,7 @@ impl Entries {
         Wall { revision: *self.revision.borrow(), photos: photos.collect() }
     }
 
-    /// Returns the path of a photo's file. `None` if the photo is not on the wall.
+    /// Returns the path of a photo's file, or `None` if the photo is not on the wall.
     pub(crate) fn wall_file(&self, key: &str, name: &str) -> Option<PathBuf> {
         let list = self.list();
         regular_file(
@@ -433,17 +434,17 @@ impl Entries {
         )
     }
 
-    /// Returns the path of a file of an entry's flight. `None` if the entry has no such flight.
+    /// Returns the path of a file of an entry's flight, or `None` if it does not exist.
     pub(crate) fn flown_file(&self, id: &str, name: &str) -> Option<PathBuf> {
         self.list().flown_file(|entry| entry.id == id, name)
     }
 
-    /// The same for an entry on the wall.
+    /// Returns the path of a file of the flight of an entry on the wall.
     pub(crate) fn wall_flown(&self, key: &str, name: &str) -> Option<PathBuf> {
         self.list().flown_file(|entry| entry.key == key && self.is_shown(entry), name)
     }
 
-    /// Returns the photo of a flight as far as it has come, for an entry on the wall.
+    /// Returns the photo of the flight so far of an entry on the wall.
     pub(crate) fn wall_light(&self, key: &str) -> Option<Bytes> {
         let list = self.list();
         let stored = list.first(|entry| entry.key == key && self.is_shown(entry))?;
@@ -451,13 +452,13 @@ impl Entries {
         Some(light.jpeg.clone())
     }
 
-    /// Returns name and number of drones of the entry that a log of a word belongs to: the one in
-    /// the air, or else the first one that was approved, preferably without a flight. `None` if
-    /// there is none.
+    /// Returns the name and the number of drones of the entry to which a log of a word belongs.
+    /// This is the entry in the air or else the first approved entry, preferably one without a
+    /// flight.
     pub(crate) fn flies(&self, word: &str) -> Option<(String, usize)> {
         let list = self.list();
         let writes = |entry: &Entry| match &entry.title {
-            // As the scene of a typed word has it.
+            // In a typed word, the characters `\n` stand for a line break.
             Some(title) => title.replace("\\n", "\n") == word,
             None => word == DRAWING,
         };
@@ -475,19 +476,19 @@ impl Entries {
         Some((entry.id.clone(), entry.figures.drones))
     }
 
-    /// Returns the subject of an entry. `None` if it cannot be read.
+    /// Returns the subject of an entry, or `None` if it cannot be read.
     pub(crate) fn subject(&self, id: &str) -> Option<Subject> {
         let folder = self.list().first(|entry| entry.id == id)?.folder.clone();
         gallery::read_subject(&folder)
     }
 
-    /// True if the operator has approved an entry, and has not taken that back.
+    /// True if the operator has approved an entry and has not withdrawn the approval.
     pub(crate) fn is_approved(&self, id: &str) -> bool {
         let is_approved = |entry: &Entry| !matches!(entry.state, State::Waiting | State::Rejected);
         self.list().first(|entry| entry.id == id).is_some_and(|stored| is_approved(&stored.entry))
     }
 
-    /// Shows the photo of a flight as far as it has come. Walls are told when it begins.
+    /// Shows the photo of a flight so far. Walls are notified when the flight begins.
     pub(crate) fn shine(&self, id: &str, jpeg: Vec<u8>) {
         let mut list = self.list();
         let was_live = list.light.as_ref().is_some_and(|light| light.is_live && light.id == id);
@@ -497,7 +498,7 @@ impl Entries {
         }
     }
 
-    /// Ends the flight that is shown.
+    /// Marks the flight that is shown as over.
     pub(crate) fn end_light(&self) {
         if let Some(light) = self.list().light.as_mut().filter(|light| light.is_live) {
             light.is_live = false;
@@ -508,7 +509,7 @@ impl Entries {
     /// Stores the photo of an entry's flight.
     pub(crate) fn land(&self, id: &str, Parcel { figures, files }: &Parcel) -> KeyResult<()> {
         let folder = self.list().first(|entry| entry.id == id).ok_or(Key::Closed)?.folder.clone();
-        // The list is not locked for as long as the disk takes.
+        // The list is not locked during the disk access.
         let name = gallery::write_flown(&folder, files).map_err(|_cause| Key::DiskFull)?;
         let mut list = self.list();
         let index = list.index(id)?;
@@ -537,9 +538,9 @@ impl Entries {
         is_approved && !entry.hidden
     }
 
-    /// Returns number, title and subject of the entry with the name `id` or, if it is `None`, of
-    /// all entries that are approved or in the air, in the order of flight. An unreadable subject
-    /// is `None`.
+    /// Returns the number, title and subject of the entry with the name `id` or, if `id` is `None`,
+    /// of all entries that are approved or in the air, in the order of flight. An unreadable
+    /// subject is `None`.
     pub(crate) fn to_fly(&self, id: Option<&str>) -> Vec<(u32, String, Option<Subject>)> {
         let list = self.list();
         let entries = list.entries.iter().filter(|Stored { entry, .. }| match id {
@@ -554,7 +555,7 @@ impl Entries {
         subjects.collect()
     }
 
-    /// Increases the revision, and wakes all that wait for a change. Returns the new revision.
+    /// Increases the revision, wakes requests that wait for a change, and returns the revision.
     fn announce_change(&self) -> u64 {
         self.revision.send_modify(|revision| *revision += 1);
         *self.revision.borrow()
@@ -567,9 +568,9 @@ impl Entries {
 }
 
 impl List {
-    /// Returns the number of entries that fly before one, and the time that they take.
+    /// Returns the number of entries that fly before an entry, and the time that they take in s.
     fn ahead(&self, index: usize) -> (usize, f64) {
-        // The list is in the order of flight.
+        // The list is sorted by the order of flight.
         let entries = self.entries[..index].iter().map(|stored| &stored.entry);
         let entries = entries.filter(|e| !matches!(e.state, State::Flown | State::Rejected));
         entries.fold((0, 0.0), |(ahead, ahead_s), entry| {
@@ -578,19 +579,19 @@ impl List {
         })
     }
 
-    /// Returns the time since the take-off of an entry. `None` if it does not fly, or took off
-    /// before the server was started.
+    /// Returns the time since the take-off of an entry in s, or `None` if it is not in the air or
+    /// took off before the server was started.
     fn flown_s(&self, entry: &Entry) -> Option<f64> {
         (entry.state == State::Flying).then_some(self.took_off?.elapsed().as_secs_f64())
     }
 
-    /// Returns the receipt of the entry that has a photo. `None` if there is no such entry.
+    /// Returns the receipt for the entry of a photo, or `None` if there is no such entry.
     fn receipt(&self, photo: &str) -> Option<Receipt> {
         let Stored { entry, .. } = self.first(|entry| entry.photo == photo)?;
         Some(Receipt { id: entry.id.clone(), number: entry.number, is_new: false })
     }
 
-    /// Returns the path of a file of the flight of the first wanted entry.
+    /// Returns the path of a flight's file for the first entry that is wanted.
     fn flown_file(&self, is_wanted: impl Fn(&Entry) -> bool, name: &str) -> Option<PathBuf> {
         let Stored { entry, folder, .. } = self.first(is_wanted)?;
         let (flown, _ending) = name.rsplit_once('.')?;
@@ -598,7 +599,7 @@ impl List {
         regular_file(folder.join(name))
     }
 
-    /// Returns the first wanted entry in the order of flight.
+    /// Returns the first entry, in the order of flight, that is wanted.
     fn first(&self, is_wanted: impl Fn(&Entry) -> bool) -> Option<&Stored> {
         self.entries.iter().find(|stored| is_wanted(&stored.entry))
     }
@@ -610,12 +611,12 @@ impl List {
 }
 
 impl Stored {
-    /// Returns the entry's index in a list of names, or the greatest number if it is not in it.
+    /// Returns the entry's index in a list of names, or the largest number if it is not listed.
     fn rank(&self, ids: &[String]) -> usize {
         ids.iter().position(|id| *id == self.entry.id).unwrap_or(usize::MAX)
     }
 
-    /// Changes the entry on the disk, and then in memory.
+    /// Changes the entry first on the disk and then in memory.
     fn change(&mut self, change: impl FnOnce(&mut Entry)) -> KeyResult<()> {
         let mut entry = self.entry.clone();
         change(&mut entry);

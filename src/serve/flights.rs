@@ -1,15 +1,14 @@
-//! Flights: shows the light of a flight while it is written, from the log that its script keeps.
+//! Shows the light of a flight while it is being flown, from the log that its script writes.
 //!
-//! 1. Four times a second, a folder and the folders in it are searched for logs that have grown.
-//!    Logs that were there before the server are ignored, until they grow.
-//! 2. A log belongs to the entry in the air that has its word, or else to the first approved one,
-//!    preferably without a flight. The operator is told of any other log.
-//! 3. A worker exposes the light so far, at most twice a second and with a quarter of a processor
-//!    core.
-//! 4. At the mark of its end, or if it stops growing, the photo is judged and stored with the
-//!    entry.
+//! 1. Four times a second, a folder and its direct subfolders are searched for logs that have
+//!    grown. Logs that existed before the server was started are ignored until they grow.
+//! 2. A log belongs to the entry of its word that is in the air, or else to the first approved
+//!    entry of the word, preferably without a flight. The operator is notified of other logs.
+//! 3. A worker exposes the light so far, at most twice a second and with at most a quarter of a
+//!    processor core.
+//! 4. When the log ends or stops growing, the photo is judged and stored with the entry.
 //!
-//! One log is followed at a time. Others wait, and are then read from their files.
+//! Only one log is followed at a time. Other logs wait, and are read from their files later.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -25,47 +24,48 @@ use noctograph_logs::word_in;
 use noctograph_photo_service::messages::{Key, Message};
 use noctograph_photo_service::request::{Product, Subject};
 
-/// Time between two looks at the folder.
+/// Interval at which the folder is searched.
 const LOOK: Duration = Duration::from_millis(250);
-/// Least time from one photo to the next.
+/// Shortest interval from one photo to the next.
 const PERIOD: Duration = Duration::from_millis(500);
-/// The same, in times of the work on a photo.
+/// Shortest interval from one photo to the next, as a multiple of the time that a photo takes.
 const PERIODS_OF_WORK: u32 = 4;
-/// Time without a sample after which a flight is over. Scripts write ten times a second.
+/// Time without new samples after which a flight counts as over. Scripts write ten times a second.
 const SILENCE: Duration = Duration::from_secs(20);
-/// Greatest number of logs that are looked at, and of notes.
+/// Maximum number of logs that are searched for.
 const MAX_LOGS: usize = 2000;
 const MAX_NOTES: usize = 4;
 
-/// What becomes of a log.
+/// State of a log.
 #[derive(Debug, PartialEq)]
 enum State {
-    /// Nothing, until it grows: it was there before, or was shown. `is_cut` if it has no end.
+    /// The log is ignored until it grows, because it is old or its flight was shown. `is_cut` is
+    /// true if it has no end mark.
     Rests { is_cut: bool },
-    /// It is followed, or waits for it.
+    /// The log is being followed, or waits to be followed.
     Waits,
-    /// It cannot be shown, for a reason.
+    /// The log cannot be shown, for the given reason.
     Refused(String),
 }
 
 #[derive(Debug)]
 struct Log {
     n_bytes: u64,
-    /// The last time that it grew.
+    /// Time at which the log last grew.
     grew: Instant,
     state: State,
-    /// The word that it writes. `None` before its head was read.
+    /// Word that was flown, or `None` until the log's head has been read.
     word: Option<String>,
 }
 
-/// The log that is followed.
+/// The log that is being followed.
 #[derive(Debug)]
 struct Current {
     path: PathBuf,
-    /// Name of its entry.
+    /// Name of the entry to which the log belongs.
     id: String,
     subject: Subject,
-    /// Number of bytes that the last photo was made of.
+    /// Number of bytes in the log when the last photo was made.
     n_bytes: u64,
     /// Time of the next photo.
     next: Instant,
@@ -77,12 +77,12 @@ pub(crate) struct Flights {
     folder: PathBuf,
     logs: BTreeMap<PathBuf, Log>,
     current: Option<Current>,
-    /// Number of logs that were followed.
+    /// Number of logs that have been followed.
     n_followed: u64,
 }
 
 impl Flights {
-    /// Looks for the first time at a folder, which is created if it does not exist.
+    /// Searches a folder for the first time, which is created if it does not exist.
     pub(crate) fn new(folder: &Path) -> Result<Self> {
         std::fs::create_dir_all(folder).map_err(|e| Error::write(folder, e))?;
         let folder = std::path::absolute(folder).map_err(|e| Error::read(folder, e))?;
@@ -94,8 +94,7 @@ impl Flights {
         Ok(flights)
     }
 
-    /// Follows flights until the program ends. This thread may wait for the disk, and for the list
-    /// of entries.
+    /// Follows flights until the program ends. May block on the disk and on the list of entries.
     pub(crate) fn follow(mut self, server: &Server) {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
         let Ok(runtime) = runtime else { return };
@@ -112,7 +111,7 @@ impl Flights {
         }
     }
 
-    /// Takes the sizes of the logs. One that has gone is forgotten, unless it is followed.
+    /// Updates the sizes of the logs. Forgets logs that no longer exist and are not followed.
     fn see(&mut self, sizes: BTreeMap<PathBuf, u64>) {
         let current = self.current.as_ref().map(|current| current.path.clone());
         self.logs.retain(|path, _| sizes.contains_key(path) || current.as_ref() == Some(path));
@@ -124,7 +123,7 @@ impl Flights {
             if n_bytes == log.n_bytes {
                 continue;
             }
-            // A shorter file is another one. A broken one that grows does not get better.
+            // A file that became shorter is a new log. A refused log remains refused when it grows.
             if n_bytes < log.n_bytes {
                 (log.state, log.word) = (State::Waits, None);
                 self.current = self.current.take().filter(|_| !is_current);
@@ -135,7 +134,7 @@ impl Flights {
         }
     }
 
-    /// Reads the words of new logs, and chooses the one to follow, if none is followed.
+    /// Reads the words of new logs, and chooses the log to follow if none is being followed.
     fn choose(&mut self, entries: &Entries) {
         for (path, log) in self.logs.iter_mut().filter(|(_, log)| log.state == State::Waits) {
             log.word = log.word.take().or_else(|| word_in(path));
@@ -178,13 +177,13 @@ impl Flights {
                 }
             }
             Ok(parcel) => {
-                // There is no photo yet of a log that is too short.
+                // A log that is still too short yields no photo.
                 if let Some(photo) = parcel.files.into_iter().next() {
                     server.entries.shine(&current.id, photo.bytes);
                 }
                 return;
             }
-            // It is tried again.
+            // The same log is tried again later.
             Err(message) if message.key == Key::Busy.name() => return,
             Err(_too_short) if is_over => State::Rests { is_cut: true },
             Err(message) => State::Refused(message.text),
@@ -193,7 +192,7 @@ impl Flights {
         self.current = None;
     }
 
-    /// Returns what the operator should know about the logs.
+    /// Returns the operator's notes about the logs.
     fn notes(&self, entries: &Entries, is_gone: bool) -> Vec<FlightNote> {
         let note = |key, path: &Path, why: &str| {
             let name = path.strip_prefix(&self.folder).unwrap_or(path).display().to_string();
@@ -218,11 +217,11 @@ impl Flights {
     }
 }
 
-/// Returns the sizes of the logs in a folder and in its folders. Links are not followed.
+/// Returns the sizes of the logs in a folder and its direct subfolders. Links are not followed.
 fn sizes_in(folder: &Path) -> Result<BTreeMap<PathBuf, u64>> {
     let mut paths = entries_in(folder)?;
     let folders = paths.iter().filter(|path| path.symlink_metadata().is_ok_and(|m| m.is_dir()));
-    // A folder that cannot be read has no logs.
+    // A subfolder that cannot be read is treated as empty.
     let inside: Vec<PathBuf> =
         folders.flat_map(|folder| entries_in(folder).unwrap_or_default()).collect();
     paths.extend(inside);

@@ -1,12 +1,12 @@
-//! A gallery on the disk: a folder for each entry, and the order of flight.
+//! Gallery on the disk, which consists of a folder for each entry and the order of flight.
 //!
 //! An entry is a folder `0012-NOOR` that can be used without the program: photo.png with its scene,
-//! photo.jpg, replay.json, scene.toml, wish.json (the request) and entry.json. It is written under
-//! another name, synced to the disk and then renamed. If the server is killed, a confirmed entry
-//! survives, and any other leaves nothing. Only one server uses a gallery at a time. Links in a
-//! gallery are not followed.
+//! photo.jpg, replay.json, scene.toml, wish.json (the request) and entry.json. The folder is
+//! written under a temporary name, synced to the disk and then renamed. If the server is killed,
+//! confirmed entries survive, and an unconfirmed entry leaves no entry behind. Only one server can
+//! use a gallery at a time. Links in a gallery are not followed.
 //!
-//! The photo of a flight, `flown-1.png`, is in the folder before entry.json names it.
+//! The photo of a flight, such as `flown-1.png`, is stored before entry.json refers to it.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -29,12 +29,12 @@ const SUBJECT: &str = "wish.json";
 const ORDER: &str = "queue.json";
 const TABLE: Limit = Limit { bytes: 1 << 20, what: "an entry", hint: "move it out of the gallery" };
 
-/// Files of an entry's photo.
+/// Name of an entry's photo.
 pub(crate) const PNG: &str = "photo.png";
 pub(crate) const REPLAY: &str = "replay.json";
 const SCENE: &str = "scene.toml";
 
-/// Greatest number of an entry. A folder with a greater number was added by hand.
+/// Largest number of an entry. A folder with a larger number was added by hand.
 const MAX_NUMBER: u32 = 999_999_999;
 
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, Serialize)]
@@ -49,38 +49,39 @@ pub(crate) enum State {
 
 #[derive(Debug)]
 pub(crate) struct Photo {
-    /// Digest of its request.
+    /// Digest of the photo's request.
     pub(crate) id: String,
     pub(crate) visitor: String,
     pub(crate) subject: Subject,
     pub(crate) figures: Figures,
-    /// Its files. An entry does not keep all of them.
+    /// Files of the photo, of which an entry stores only some.
     pub(crate) files: Vec<noctograph_export::File>,
 }
 
-/// Facts about a photo that its entry stores.
+/// Facts about a photo that are stored with its entry.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(default)]
 pub(crate) struct Figures {
-    /// Number of drones. 0 in an entry of an earlier version.
+    /// Number of drones, or 0 in an entry of an earlier version.
     pub(crate) drones: usize,
-    /// Duration of the longest flight.
+    /// Duration of the longest flight, in s.
     pub(crate) flight_s: f64,
-    /// True if the word is read. For a drawing it is null, as are letters, text and reason.
+    /// True if the word is legible. For a drawing, this value is null, and so are the letters, the
+    /// reading and the reason.
     pub(crate) legible: Option<bool>,
     letters: Option<Vec<LetterVerdict>>,
     /// Problems that make any word unreadable.
     obstacles: Vec<Message>,
     pub(crate) read: Option<String>,
-    /// Probability that the word is read. `None` in an entry of an earlier version, too.
+    /// Probability that the word is read, or `None` for a drawing or an older entry.
     pub(crate) readability: Option<f64>,
     reason: Option<Reason>,
-    /// Checks that stop its flight. Always empty, since such a photo is refused.
+    /// Checks that stop the flight. There are none, because such a photo is refused.
     stops: Vec<Message>,
 }
 
 impl Figures {
-    /// Takes the stored facts from those of a large photo.
+    /// Selects the facts to be stored from those of a large photo.
     pub(crate) fn new(LargeFacts { photo, verdict, stops, drones, .. }: LargeFacts) -> Self {
         let PhotoFacts { flight_s, obstacles, .. } = photo;
         let figures = Self { drones, flight_s, obstacles, stops, ..Self::default() };
@@ -100,14 +101,14 @@ impl Figures {
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Entry {
-    /// Secret name of its page.
+    /// Secret name of the entry's page.
     pub(crate) id: String,
-    /// Name on the wall, which gives no other access.
+    /// Name of the entry on the wall, which gives no other access.
     pub(crate) key: String,
     pub(crate) number: u32,
-    /// The word. `None` for a drawing.
+    /// The word, or `None` for a drawing.
     pub(crate) title: Option<String>,
-    /// Time of its arrival (RFC 3339).
+    /// Time at which the entry was made (RFC 3339).
     pub(crate) made: String,
     pub(crate) state: State,
     #[serde(default)]
@@ -117,21 +118,22 @@ pub(crate) struct Entry {
     pub(crate) language: String,
     #[serde(rename = "found")]
     pub(crate) figures: Figures,
-    /// Its last flight, if the log was followed.
+    /// Photo of the last flight, if its log was followed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) flown: Option<FlownPhoto>,
 }
 
-/// The photo of an entry's flight.
+/// Photo of an entry's flight.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub(crate) struct FlownPhoto {
-    /// Name of its files, without their extensions: `flown-2` for the second flight.
+    /// Name of the photo's files without extensions, such as `flown-2` for the second flight.
     pub(crate) name: String,
-    /// Probability that the word is read. `None` for a drawing.
+    /// Probability that the word is read, or `None` for a drawing.
     pub(crate) readability: Option<f64>,
 }
 
-/// An entry as the operator gets it. It borrows, since a queue of hundreds is requested often.
+/// An entry as the operator receives it. Its fields are borrowed, because long queues are requested
+/// often.
 #[derive(Debug, Serialize)]
 pub(crate) struct ForOperator<'a> {
     id: &'a str,
@@ -157,7 +159,7 @@ pub(crate) struct Order {
 #[derive(Debug)]
 pub(crate) struct Gallery {
     folder: PathBuf,
-    /// Locks the gallery for other servers.
+    /// Open file that locks the gallery against other servers.
     _lock: Option<File>,
 }
 
@@ -168,8 +170,8 @@ impl Gallery {
         Ok(Self { folder: folder.to_owned(), _lock: lock(folder)? })
     }
 
-    /// Reads all entries, and returns them with their folders. An entry that cannot be read is
-    /// reported and left in place.
+    /// Reads all entries, and returns them with their folders. Reports entries that cannot be read,
+    /// and leaves them in place.
     pub(crate) fn read(&self, warn: fn(&str)) -> Result<Vec<(Entry, PathBuf)>> {
         let mut entries = Vec::new();
         for path in entries_in(&self.folder)? {
@@ -182,7 +184,7 @@ impl Gallery {
         Ok(entries)
     }
 
-    /// Reads the order of flight. Without a readable file it is empty and not paused.
+    /// Reads the order of flight. Without a readable file, it is empty and not paused.
     pub(crate) fn read_order(&self) -> Order {
         let text =
             regular_file(self.folder.join(ORDER)).and_then(|path| TABLE.read_text(&path).ok());
@@ -195,10 +197,11 @@ impl Gallery {
     }
 
     /// Writes an entry's folder, and renames it when it is complete. Increases the entry's number
-    /// until no other folder has the name. Returns the folder.
+    /// until the folder's name is unused. Returns the folder.
     pub(crate) fn add(&self, entry: &mut Entry, photo: &Photo) -> Result<PathBuf> {
         let (staging, mut lock) = folder_in(&self.folder).map_err(|e| self.failed(e))?;
-        // The files that can be used without the program. The scene names the file of the drawing.
+        // Only files that can be used without the program are stored, including the drawing,
+        // because the scene refers to it.
         for noctograph_export::File { name, bytes } in &photo.files {
             if [PNG, SCENE, JPEG, REPLAY].contains(&&**name) || name.starts_with("drawing.") {
                 write(&staging.path().join(name), bytes)?;
@@ -211,19 +214,19 @@ impl Gallery {
             sync(staging.path()).map_err(|e| self.failed(e))?;
             let folder = self.folder.join(entry.folder_name());
             if cfg!(windows) {
-                // Windows does not rename a folder with an open file.
+                // Windows does not rename a folder that contains an open file.
                 lock = None;
             }
             match std::fs::rename(staging.path(), &folder) {
                 Ok(()) => {}
-                // A folder that was added by hand has the name.
+                // A folder that was added by hand already has this name.
                 Err(_) if folder.symlink_metadata().is_ok() => {
                     entry.number += 1;
                     continue;
                 }
                 Err(source) => return Err(Error::write(&folder, source)),
             }
-            // Now `staging` must not remove its folder, which has the final name.
+            // `staging` must no longer remove its folder, which now has its final name.
             let _ = staging.keep();
             drop(lock);
             if let Err(source) = sync(&self.folder) {
@@ -234,14 +237,14 @@ impl Gallery {
         }
     }
 
-    /// Returns the error for a gallery that cannot be written.
+    /// Returns the error if the gallery cannot be written.
     fn failed(&self, source: std::io::Error) -> Error {
         Error::write(&self.folder, source)
     }
 }
 
 impl Entry {
-    /// Makes the entry of a photo, which waits for approval.
+    /// Creates the entry for a photo. The entry is waiting for approval.
     pub(crate) fn new(photo: &Photo, language: &str, number: u32) -> Result<Self> {
         Ok(Self {
             id: secret()?,
@@ -259,24 +262,24 @@ impl Entry {
         })
     }
 
-    /// Returns the part of the entry that the operator gets.
+    /// Returns the part of the entry that the operator receives.
     pub(crate) fn for_operator(&self) -> ForOperator<'_> {
         let Self { id, number, title, made, state, hidden, figures, flown, .. } = self;
-        // A part of the visitor's name is enough to distinguish visitors.
+        // Four characters of the visitor's name are enough to distinguish visitors.
         let visitor = self.visitor.get(..4);
         ForOperator { id, number, title, made, state, hidden, visitor, flown, figures }
     }
 
-    /// Returns the name of the entry's folder: `0012-NOOR`.
+    /// Returns the name of the entry's folder, such as `0012-NOOR`.
     fn folder_name(&self) -> String {
         format!("{:04}-{}", self.number, stem(self.title.as_deref().unwrap_or_default()))
     }
 }
 
-/// Reads the entry in a folder. `None` for other files and folders.
+/// Reads the entry in a folder. Returns `None` for other files and folders.
 fn read_entry(folder: &Path) -> Result<Option<Entry>> {
     let name = folder.file_name().unwrap_or_default().to_string_lossy();
-    // An unfinished entry, which a killed server left, has a name that begins with a dot.
+    // The name of an unfinished entry, which a killed server left behind, begins with a dot.
     let is_folder =
         folder.symlink_metadata().is_ok_and(|metadata| metadata.is_dir()) && !name.starts_with('.');
     let Some(path) = regular_file(folder.join(ENTRY)).filter(|_| is_folder) else {
@@ -290,7 +293,7 @@ fn read_entry(folder: &Path) -> Result<Option<Entry>> {
     Err(Error::input(path.display(), wrong, "an entry of this program", TABLE.hint))
 }
 
-/// Writes the photo of a flight of the entry in a folder under a new name, which is returned.
+/// Writes the photo of a flight into an entry's folder under a new name, and returns this name.
 pub(crate) fn write_flown(folder: &Path, files: &[noctograph_export::File]) -> Result<String> {
     let exists = |number: &u32| folder.join(format!("flown-{number}.png")).exists();
     let name = format!("flown-{}", (1..).find(|number| !exists(number)).unwrap_or(1));
@@ -303,22 +306,23 @@ pub(crate) fn write_flown(folder: &Path, files: &[noctograph_export::File]) -> R
     Ok(name)
 }
 
-/// Writes the file of an entry.
+/// Writes an entry's file into its folder.
 pub(crate) fn write_entry(folder: &Path, entry: &Entry) -> Result<()> {
     write(&folder.join(ENTRY), &pretty(entry))
 }
 
-/// Reads the subject of the entry in a folder. `None` if it cannot be read.
+/// Reads the subject of the entry in a folder. Returns `None` if it cannot be read.
 pub(crate) fn read_subject(folder: &Path) -> Option<Subject> {
     serde_json::from_str(&TABLE.read_text(&regular_file(folder.join(SUBJECT))?).ok()?).ok()
 }
 
-/// Returns a path if it is a file, and not a link.
+/// Returns a path if it is that of a file and not of a link.
 pub(crate) fn regular_file(path: PathBuf) -> Option<PathBuf> {
     path.symlink_metadata().is_ok_and(|metadata| metadata.is_file()).then_some(path)
 }
 
-/// Removes an entry's folder. Its entry file is first, without which the rest is not an entry.
+/// Removes an entry's folder. The entry file is removed first, because the remaining files do not
+/// count as an entry without it.
 pub(crate) fn remove(folder: &Path) -> Result<()> {
     let path = folder.join(ENTRY);
     std::fs::remove_file(&path).map_err(|source| Error::write(&path, source))?;
@@ -331,18 +335,19 @@ fn pretty(value: &impl Serialize) -> Vec<u8> {
     serde_json::to_vec_pretty(value).expect("it is plain data")
 }
 
-/// Writes a file that appears only when it is complete, and syncs it to the disk.
+/// Writes a file, which appears only when it is complete, and syncs it to the disk.
 fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     Output::create(path)?.keep_on_disk(bytes).map(drop)
 }
 
-/// Syncs the names in a folder to the disk, if the system can.
+/// Syncs the file names in a folder to the disk, if the system supports it.
 #[expect(clippy::disallowed_methods, reason = "a folder")]
 fn sync(folder: &Path) -> std::io::Result<()> {
     if cfg!(unix) { File::open(folder)?.sync_all() } else { Ok(()) }
 }
 
-/// Locks a gallery as long as the returned file is open. `None` if the system has no such locks.
+/// Locks a gallery as long as the returned file is open. Returns `None` if the system does not
+/// support such locks.
 #[expect(clippy::disallowed_methods, reason = "a folder")]
 fn lock(folder: &Path) -> Result<Option<File>> {
     let Ok(file) = File::open(folder) else { return Ok(None) };

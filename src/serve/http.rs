@@ -1,8 +1,8 @@
-//! Connections and answers, on hyper. A connection is a task with one request, and ends with it.
+//! Connections and answers, on hyper. Each connection is a task that handles one request.
 //!
-//! A timeout closes the connection of a silent client, and a slow reader costs only a task. If
+//! A timeout closes the connection of a silent client, and a slow reader occupies only a task. If
 //! there are too many connections, the oldest one from the IP address with the most connections is
-//! closed, unless its request is being worked on. So no client can lock out others.
+//! closed, unless its request is being worked on. Therefore, no client can lock out others.
 
 use std::convert::Infallible;
 use std::fs::File;
@@ -28,30 +28,30 @@ use tokio::net::TcpListener;
 use tokio::task::AbortHandle;
 use tokio::time::{sleep, timeout};
 
-/// Greatest number of connections at a time: forty browsers with six each.
+/// Maximum number of simultaneous connections, enough for forty browsers with six connections each.
 const MAX_CONNECTIONS: usize = 256;
-/// Longest header of a request, in bytes. Browsers send 2 KiB.
+/// Maximum size of a request's header, in bytes. Browsers send about 2 KiB.
 const MAX_HEAD: usize = 16 << 10;
-/// Greatest number of fields in a header. Browsers send 20.
+/// Maximum number of fields in a header. Browsers send about 20.
 const MAX_FIELDS: usize = 64;
-/// Longest body, in bytes: a drawing.
+/// Maximum size of a body in bytes, enough for a drawing.
 pub(crate) const MAX_BODY: usize = 256 << 10;
-/// Longest time until the header, and then the body, of a request has arrived.
+/// Time limit for receiving the header of a request, and again for its body.
 const REQUEST_TIMEOUT: Duration = Duration::from_secs(5);
-/// Longest time of a connection, for the scripts of an evening, or for the slowest reader.
+/// Longest duration of a connection, enough for an evening's scripts or a slow reader.
 const CONNECTION_TIMEOUT: Duration = Duration::from_secs(600);
-/// Greatest number of bytes of a refused body that are read.
+/// Maximum number of bytes that are read of a refused body.
 const MAX_REFUSED_BODY: usize = 1 << 20;
 /// Longest time for which a refused body is read.
 const REFUSED_TIMEOUT: Duration = Duration::from_millis(500);
 /// Number of bytes of a file that are read at a time.
 const CHUNK: usize = 64 << 10;
-/// Pause after a failure to accept a connection, for instance without file handles.
+/// Pause after a failure to accept a connection, for example because no file handles are left.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
 
 pub(crate) type Reply = hyper::Response<ReplyBody>;
 
-/// Status and reason of a request that is refused before it is routed.
+/// Status and reason with which a request is refused before it is routed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct HttpError(pub(crate) u16, pub(crate) &'static str);
 
@@ -59,7 +59,7 @@ pub(crate) type HttpResult<T> = Result<T, HttpError>;
 
 struct Connection {
     peer: IpAddr,
-    /// True if its request is being worked on, so that the connection is not closed.
+    /// True while the request is being worked on, during which the connection is not closed.
     is_working: Arc<AtomicBool>,
     task: AbortHandle,
 }
@@ -81,7 +81,7 @@ where
         };
         connections.retain(|connection| !connection.task.is_finished());
         if connections.len() >= MAX_CONNECTIONS {
-            // An idle one exists, since fewer requests than connections are worked on at a time.
+            // An idle one exists, because not as many requests are worked on at a time.
             let Some(index) = oldest_idle(&connections) else { continue };
             connections.remove(index).task.abort();
         }
@@ -91,7 +91,7 @@ where
             let reply = answer((peer, request, working.clone()));
             async { Ok::<_, Infallible>(reply.await) }
         });
-        // Without this, the end of an answer is sent only after its beginning is acknowledged.
+        // Otherwise the end of an answer would be sent only after its beginning was acknowledged.
         let _ = stream.set_nodelay(true);
         let connection = http1::Builder::new()
             .timer(TokioTimer::new())
@@ -107,9 +107,9 @@ where
 }
 
 /// Returns the index of the oldest connection whose request is not being worked on, from the IP
-/// address with the most connections. `None` if all requests are being worked on.
+/// address with the most connections, or `None` if all requests are being worked on.
 fn oldest_idle(connections: &[Connection]) -> Option<usize> {
-    // In reverse, since of equals `max_by_key` returns the last, which is then the oldest.
+    // `max_by_key` returns the last of equal items, which is the oldest in reverse order.
     let idle = connections.iter().enumerate().rev();
     let idle = idle.filter(|(_, connection)| !connection.is_working.load(Ordering::Relaxed));
     let most = idle.max_by_key(|(_, Connection { peer, .. })| {
@@ -118,19 +118,19 @@ fn oldest_idle(connections: &[Connection]) -> Option<usize> {
     most.map(|(index, _)| index)
 }
 
-/// Reads a body that is at most [`MAX_BODY`] long.
+/// Reads a body of at most [`MAX_BODY`] bytes.
 pub(crate) async fn read_body(body: Incoming) -> HttpResult<Bytes> {
     let read = timeout(REQUEST_TIMEOUT, Limited::new(body, MAX_BODY).collect()).await;
     let read = read.map_err(|_late| HttpError(408, "the request did not arrive in time"))?;
     Ok(read.map_err(|_gone| HttpError(400, "the request was cut off"))?.to_bytes())
 }
 
-/// Reads a refused body: a connection that is closed with unread bytes may lose its answer.
+/// Reads a refused body, because closing a connection with unread bytes may lose the answer.
 pub(crate) async fn discard_body(body: Incoming) {
     let _ = timeout(REFUSED_TIMEOUT, Limited::new(body, MAX_REFUSED_BODY).collect()).await;
 }
 
-/// Adds the fields that all answers have.
+/// Adds the fields that all answers contain.
 pub(crate) fn with_common_fields(reply: Reply) -> Reply {
     let reply = match reply.status().as_u16() {
         429 | 503 => with_field(reply, "Retry-After", "2"),
@@ -141,13 +141,13 @@ pub(crate) fn with_common_fields(reply: Reply) -> Reply {
     with_field(reply, "Referrer-Policy", "no-referrer")
 }
 
-/// The body of an answer: bytes, or a file that is read while it is sent, so that a slow reader
-/// does not keep it in memory.
+/// Body of an answer, which consists of bytes, or of a file that is read while it is sent, so that
+/// a slow reader does not keep it in memory.
 #[derive(Debug)]
 pub(crate) struct ReplyBody {
     bytes: Bytes,
     file: Option<File>,
-    /// Number of bytes that were not sent yet.
+    /// Number of bytes that have not been sent yet.
     n_left: u64,
 }
 
@@ -200,8 +200,8 @@ pub(crate) fn file(content_type: &'static str, path: &Path) -> std::io::Result<R
     Ok(with_field(reply, "Cache-Control", "private, max-age=86400, immutable"))
 }
 
-/// Returns an answer that browsers cache and revalidate by its `ETag`: 304 without a body if the
-/// browser's copy is current.
+/// Returns an answer that browsers cache and revalidate by its `ETag`, with the status 304 and no
+/// body if the browser's copy is current.
 pub(crate) fn with_etag(
     content_type: &'static str,
     body: impl Into<Bytes>,

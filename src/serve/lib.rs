@@ -1,10 +1,10 @@
-//! Serve: a page on which a word becomes a photo while a visitor types or draws it, and from which
-//! it is sent to be flown.
+//! Serves a page that shows the photo of a word while a visitor types or draws it, and from which
+//! the visitor sends it to be flown.
 //!
 //! `http` accepts a connection, `access` admits its request, and `routes` or `operator` answers it.
-//! Visitors' browsers make photos with a `module`. On this machine, a `worker` makes them for other
-//! browsers, for the host and for `entries`, which a `gallery` stores. `flights` follows the logs
-//! of scripts while they fly. The page itself is in the folder `page`.
+//! Visitors' browsers make photos with a `module`. On this machine, a `worker` makes photos for
+//! other browsers, for the host and for `entries`, which a `gallery` stores. `flights` follows the
+//! logs of scripts during flights. The page itself is in the folder `page`.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
@@ -46,10 +46,10 @@ mod worker;
 pub use qr::printed as printed_code;
 pub use worker::work;
 
-/// Greatest number of threads that wait for the disk.
+/// Maximum number of threads that wait for the disk.
 const DISK_THREADS: usize = 8;
 
-/// Functions of the program that the server calls.
+/// Functions that the program provides for the server.
 #[derive(Clone, Copy, Debug)]
 pub struct Program {
     /// Starts the program as a worker, in which [`work`] runs.
@@ -65,43 +65,44 @@ pub struct Program {
 /// Options of the server.
 #[derive(Clone, Debug)]
 pub struct ServerConfig {
-    /// The scene that the page's controls show at the start.
+    /// Scene that the page's controls show at the start.
     pub scene: Scene,
-    /// The text of its file, which visitors' browsers change by their settings.
+    /// Text of the scene's file, to which visitors' browsers apply their settings.
     pub base: String,
-    /// The page's WebAssembly module. If it is `None`, this machine makes all photos.
+    /// Path of the page's WebAssembly module. If it is `None`, this machine makes all photos.
     pub module: Option<PathBuf>,
     /// Folder that stores the address and the entries. If it is `None`, they are lost when the
     /// program ends.
     pub gallery: Option<PathBuf>,
     /// Folder for temporary files.
     pub temporary: PathBuf,
-    /// Port. 0 stands for the port of the gallery's address, or any free one.
+    /// Port, or 0 for the port of the gallery's address or else any free port.
     pub port: u16,
-    /// True if other machines are served.
+    /// True if requests from other machines are served.
     pub network: bool,
     /// True if the wall shows entries that nobody has approved yet.
     pub open_wall: bool,
     /// Folder of the host's words and logo.
     pub brand: Option<PathBuf>,
-    /// Folder in which scripts keep the logs of flights. If it is `None`, no flight is followed.
+    /// Folder in which scripts write the logs of flights. If it is `None`, no flight is followed.
     pub flights: Option<PathBuf>,
 }
 
 /// Addresses of the pages, for browsers on this machine and in its network.
 #[derive(Clone, Debug)]
 pub struct Addresses {
-    /// Visitors' page, on this machine.
+    /// Address of the visitors' page on this machine.
     pub visitors: String,
-    /// Kiosk's page, on this machine.
+    /// Address of the kiosk's page on this machine.
     pub kiosk: String,
-    /// Operator's page, on this machine.
+    /// Address of the operator's page on this machine.
     pub operator: String,
-    /// Visitors' page and kiosk's page, in the network. `None` if other machines are not served.
+    /// Addresses of the visitors' and the kiosk's page in the network, if other machines are
+    /// served.
     pub network: Option<[String; 2]>,
 }
 
-/// Serves the page until the program ends. `announce` gets the addresses.
+/// Serves the page until the program ends. `announce` is called with the addresses.
 ///
 /// # Errors
 ///
@@ -112,7 +113,7 @@ pub fn serve(
     program: Program,
     announce: impl FnOnce(&Addresses) -> Result<()>,
 ) -> Result<()> {
-    // Everything that can fail comes before the first connection.
+    // Everything that can fail is done before the first connection.
     let module = config.module.as_deref().map(Module::read).transpose()?;
     let brand = config.brand.as_deref().map(Brand::read).transpose()?.unwrap_or_default();
     let flights = config.flights.as_deref().map(Flights::new).transpose()?;
@@ -150,8 +151,7 @@ pub fn serve(
     run(listener, server, flights)
 }
 
-/// Answers all connections on one thread, and follows flights on another. A few others wait for the
-/// disk.
+/// Answers all connections on one thread, follows flights on another, and uses more for the disk.
 fn run(listener: TcpListener, server: Server, flights: Option<Flights>) -> Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
@@ -171,7 +171,7 @@ fn run(listener: TcpListener, server: Server, flights: Option<Flights>) -> Resul
     })
 }
 
-/// Returns the error that no thread can be started.
+/// Returns the error for a thread that cannot be started.
 fn no_thread(error: impl std::fmt::Display) -> Error {
     let hint = "allow more processes (ulimit -u)";
     Error::infeasible(format!("no thread can be started: {error}"), hint)

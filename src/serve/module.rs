@@ -1,4 +1,4 @@
-//! The page's WebAssembly module, with which visitors' browsers make photos.
+//! WebAssembly module of the page, with which visitors' browsers make photos.
 
 use std::io::Read;
 use std::path::Path;
@@ -15,7 +15,7 @@ const LIMIT: Limit = Limit {
     hint: "write it with src/photo_service/build",
 };
 
-/// The module as it is sent, compressed by gzip. The page decompresses it.
+/// The module, compressed by gzip as it is sent. The page decompresses it.
 #[derive(Debug)]
 pub(crate) struct Module {
     pub(crate) gzip: Bytes,
@@ -32,7 +32,7 @@ impl Module {
             let wanted = "noctograph.wasm.gz, as src/photo_service/build writes it";
             return Err(Error::input(path.display(), actual, wanted, LIMIT.hint));
         }
-        // 64 bits of the digest distinguish versions of the file.
+        // 64 bits of the digest are enough to distinguish versions of the file.
         let etag = format!("\"{}\"", &sha256(&bytes)[..16]);
         Ok(Self { gzip: bytes.into(), etag })
     }

@@ -1,4 +1,4 @@
-//! Routes of the operator's address.
+//! Answers requests to the operator's address.
 
 use serde::Serialize;
 use serde_json::json;
@@ -13,7 +13,8 @@ use noctograph_export::{File, stem, zip::zip};
 use noctograph_photo_service::messages::{Key, KeyResult, Message};
 use noctograph_photo_service::request::Product;
 
-/// Longest text of a code, in bytes: name and password of a WLAN have 32 and 63, with escapes.
+/// Maximum size of a code's text in bytes, enough for a WLAN's name of 32 and password of 63
+/// characters, with escapes.
 const MAX_TEXT: usize = 256;
 
 impl Server {
@@ -27,7 +28,7 @@ impl Server {
             ["visitors.svg"] => self.code(Address::visitors_url),
             ["kiosk.svg"] => self.code(Address::kiosk_url),
             ["wall.svg"] => self.code(Address::wall_url),
-            // The code of the hall's WLAN. Only the operator's page has its text.
+            // This is the QR code of the hall's WLAN, whose text only the operator's page contains.
             ["text.svg"] => Ok(qr_code(&hex_text(&request.query).ok_or(Key::PageOld)?)),
             ["address.json"] => {
                 let address = &self.access.address;
@@ -43,9 +44,9 @@ impl Server {
         }
     }
 
-    /// Answers a POST to the operator's address. All actions change the revision.
+    /// Answers a POST to the operator's address. Each action increases the revision.
     pub(crate) fn operator_post(&self, parts: &[&str], body: &[u8]) -> KeyResult<Reply> {
-        // The page compares the revision with its own, to see if it is up to date.
+        // The page compares this revision with its own to determine whether it is up to date.
         let revision = match *parts {
             ["entries", id] => {
                 let posted = Posted::parse(body, &["do", "was"])?;
@@ -62,7 +63,7 @@ impl Server {
         Ok(http::json(&json!({ "revision": revision })))
     }
 
-    /// Returns the answer with the archive of the scripts of one entry, or why it has none.
+    /// Returns the answer with the archive of an entry's scripts, or the reason why it has none.
     pub(crate) async fn script(&self, id: &str) -> KeyResult<Reply> {
         let (results, archive) = self.export(Some(id)).await?;
         match results.into_iter().flat_map(|exported| exported.refused).next() {
@@ -71,8 +72,8 @@ impl Server {
         }
     }
 
-    /// Makes the scripts of one entry or, if `id` is `None`, of all that are to be flown, in their
-    /// order. Returns the result for each entry, and an archive of the scripts and the results.
+    /// Makes the scripts of one entry or, if `id` is `None`, of all entries to be flown, in order.
+    /// Returns the result for each entry, and an archive of the scripts and the results.
     pub(crate) async fn export(&self, id: Option<&str>) -> KeyResult<(Vec<Exported>, Vec<u8>)> {
         let entries = self.entries.to_fly(id);
         if id.is_some() && entries.is_empty() {
@@ -88,7 +89,7 @@ impl Server {
                     self.operator.make(Job { product, subject, page: None, flight: None }).await
                 }
             };
-            // A refused entry does not stop the others.
+            // If an entry is refused, the others are still exported.
             let (folder, refused) = match made {
                 Ok(parcel) => {
                     for File { name: file, bytes } in parcel.files {
@@ -106,8 +107,8 @@ impl Server {
     }
 }
 
-/// Decodes a text from the hexadecimal digits of its bytes. `None` if they are no text, or the text
-/// is too long.
+/// Decodes a text from the hexadecimal digits of its bytes. Returns `None` if they are invalid or
+/// the text is too long.
 fn hex_text(query: &str) -> Option<String> {
     let (pairs, rest) = query.as_bytes().as_chunks::<2>();
     if pairs.len() > MAX_TEXT || !rest.is_empty() {
@@ -120,13 +121,13 @@ fn hex_text(query: &str) -> Option<String> {
     String::from_utf8(bytes.collect::<Option<_>>()?).ok()
 }
 
-/// The result of exporting an entry.
+/// Result of exporting an entry.
 #[derive(Debug, Serialize)]
 pub(crate) struct Exported {
-    /// Folder of its scripts in the archive.
+    /// Folder of the entry's scripts in the archive.
     folder: Option<String>,
     number: u32,
-    /// The message, if it has no scripts.
+    /// Messages that give the reason if there are no scripts.
     refused: Vec<Message>,
     title: String,
 }

@@ -1,4 +1,4 @@
-//! The page's files, and the page for an old address.
+//! The page's files, and the page that is shown at an outdated address.
 
 use hyper::http::request::Parts;
 use serde_json::Value;
@@ -28,7 +28,7 @@ pub(crate) const FILES: &[(&str, &str)] = files! {
     "here.js" "maker.js" "worker.js"
 };
 
-/// Returns the `ETag` of all files, which changes with the program.
+/// Returns the common `ETag` of all files, which changes with the program.
 pub(crate) fn etag() -> String {
     let bytes: Vec<u8> = FILES.iter().flat_map(|(_, text)| text.bytes()).collect();
     format!("\"{}\"", &noctograph_core::digest::sha256(&bytes)[..16])
@@ -37,12 +37,12 @@ pub(crate) fn etag() -> String {
 /// Languages of the page. The first one is the default.
 const LANGUAGES: [&str; 4] = ["en", "de", "fr", "es"];
 
-/// Returns the page for an address without a valid secret: a sentence in the browser's language.
+/// Returns the page for an address without a valid secret, a sentence in the browser's language.
 pub(crate) fn old_address_reply(head: &Parts) -> Reply {
     let code = language(head, &LANGUAGES).unwrap_or(LANGUAGES[0]);
     let name = format!("words/{code}.json");
     let words = FILES.iter().find(|(file, _)| *file == name).map_or("", |(_, text)| text);
-    // The page loads no script and no file, since nothing else is served at this address.
+    // The page loads no scripts or other files, because nothing else is served at this address.
     let words: Value = serde_json::from_str(words).expect("a table of words");
     let sentence = words["moved"].as_str().expect("it is in every table");
     let page = format!(

@@ -2,13 +2,13 @@
 
 use qrcode::{Color, EcLevel, QrCode};
 
-/// Width of the white border around a code, in modules, which readers need.
+/// Width, in modules, of the white border around a code, which readers require.
 const QUIET: usize = 4;
 
-/// Returns the rows of a code's modules with the white border, `true` for dark. Empty if the text
-/// is too long.
+/// Returns the rows of a code's modules with the white border, in which `true` is dark. The list is
+/// empty if the text is too long.
 fn modules(text: &str) -> Vec<Vec<bool>> {
-    // Addresses are far shorter than the longest text, 2.3 kB.
+    // Addresses are far shorter than the maximum of 2.3 kB.
     let Ok(code) = QrCode::with_error_correction_level(text, EcLevel::M) else { return Vec::new() };
     let n = code.width() + 2 * QUIET;
     let mut rows = vec![vec![false; n]; n];
@@ -20,9 +20,9 @@ fn modules(text: &str) -> Vec<Vec<bool>> {
     rows
 }
 
-/// Returns a code as a picture (SVG), dark on white.
+/// Returns a code as an SVG picture, dark on white.
 pub(crate) fn svg(text: &str) -> String {
-    // One path for all dark modules, over a white square.
+    // A single path draws all dark modules over a white square.
     let rows = modules(text);
     let mut path = String::new();
     for (y, row) in rows.iter().enumerate() {
@@ -38,11 +38,11 @@ pub(crate) fn svg(text: &str) -> String {
     )
 }
 
-/// Returns a code for a terminal with a black background, with two rows of modules in a line. White
-/// modules are printed.
+/// Returns a code for a terminal with a black background, with two rows of modules per line. The
+/// white modules are printed as characters.
 pub fn printed(text: &str) -> String {
     let mut lines = String::new();
-    // A character is twice as high as wide, so half blocks make square modules.
+    // A character is twice as high as it is wide, so half blocks form square modules.
     for rows in modules(text).chunks(2) {
         for (x, dark) in rows[0].iter().enumerate() {
             lines.push(match (*dark, rows.get(1).is_some_and(|below| below[x])) {

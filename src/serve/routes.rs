@@ -1,4 +1,4 @@
-//! Routes: answers the requests to each address.
+//! Answers the requests to each address.
 
 use std::net::{IpAddr, Ipv4Addr};
 use std::path::PathBuf;
@@ -31,40 +31,40 @@ pub(crate) struct Server {
     pub(crate) brand: Brand,
     /// The scene that the page's controls show at the start.
     pub(crate) scene: Scene,
-    /// The text of its file.
+    /// Text of the scene's file.
     pub(crate) base: String,
-    /// The module with which visitors' browsers make photos.
+    /// Module with which visitors' browsers make photos.
     pub(crate) module: Option<Module>,
-    /// The address of this machine in its network.
+    /// IP address of this machine in its network.
     pub(crate) network_ip: Option<IpAddr>,
-    /// Name of this run of the program.
+    /// Random name of this run of the program.
     pub(crate) boot: String,
-    /// Makes entries, and photos for browsers that cannot make them.
+    /// Worker queue for entries, and for photos of browsers that cannot make them.
     pub(crate) visitors: Maker,
-    /// Makes photos for the host, who does not wait for visitors.
+    /// Worker queue for the host's photos, which do not wait for those of visitors.
     pub(crate) host: Maker,
-    /// Makes scripts for the operator, who waits neither for visitors nor for the host.
+    /// Worker queue for the operator's scripts, which wait neither for visitors nor for the host.
     pub(crate) operator: Maker,
-    /// Exposes the flight that is followed, for which nobody waits.
+    /// Worker queue for the photos of the flight that is being followed.
     pub(crate) flights: Maker,
     pub(crate) entries: Entries,
-    /// The `ETag` of the page's files.
+    /// `ETag` of the page's files.
     pub(crate) etag: String,
 }
 
 impl Server {
-    /// Answers a request. Sets its flag while it is being worked on, so that its connection is not
-    /// closed.
+    /// Answers a request. Sets the connection's flag while the request is being worked on, so that
+    /// the connection is not closed.
     pub(crate) async fn answer(self: Arc<Self>, (peer, request, is_working): Arrival) -> Reply {
         let (head, body) = request.into_parts();
         let reply = match self.access.admit(&head, peer) {
             Ok(mut request) => {
-                // A body is read only after the request was admitted.
+                // A body is read only after the request is admitted.
                 let read = match &request.body {
                     Some(_) => http::read_body(body).await.map(Some),
                     None => Ok(None),
                 };
-                // A connection on which a visitor waits for news may be closed.
+                // A connection on which a visitor waits for changes may be closed.
                 let waits = request.route == "news" && request.base != Base::Operator;
                 is_working.store(!waits, Ordering::Relaxed);
                 match read {
@@ -89,8 +89,8 @@ impl Server {
     async fn route(self: &Arc<Self>, request: Request) -> KeyResult<Reply> {
         let request = Arc::new(request);
         let parts: Vec<&str> = request.route.split('/').collect();
-        // These routes wait for a change or a worker. All others may wait for the disk, so they run
-        // on another thread.
+        // These routes wait for a change or a worker. All other routes may wait for the disk, and
+        // therefore run on another thread.
         match (&request.base, &request.body, &*parts) {
             (_, None, ["news"]) => {
                 let seen = request.query.strip_prefix("seen=");
@@ -139,7 +139,7 @@ impl Server {
         }
     }
 
-    /// Answers the routes of all addresses: the page, and the facts that it needs.
+    /// Answers the routes common to all addresses, which are the page and the facts that it needs.
     pub(crate) fn common(&self, parts: &[&str], request: &Request) -> KeyResult<Reply> {
         match *parts {
             ["alive"] => Ok(http::json(&json!({ "boot": self.boot }))),
@@ -151,7 +151,7 @@ impl Server {
         }
     }
 
-    /// Returns the answer with a file of the page. An empty route is the page itself.
+    /// Returns the answer with a file of the page. The empty route stands for the page itself.
     fn page(&self, request: &Request) -> KeyResult<Reply> {
         let first = match request.base {
             Base::Visitors | Base::Kiosk => "index.html",
@@ -179,7 +179,7 @@ impl Server {
         if role == Role::Entry {
             return json!(host);
         }
-        // On the host's machine the program is faster than the module.
+        // On the host's machine, the program itself is faster than the module.
         let uses_module = self.module.is_some() && !request.peer.is_loopback();
         json!(About {
             host,
@@ -205,7 +205,7 @@ impl Server {
                 Some((key, "json")) => file_reply(self.entries.wall_file(key, REPLAY)),
                 _ => Err(Key::Closed),
             },
-            // The flight that is followed, and a flight that was.
+            // These are the photos of the flight that is being followed, and of an earlier flight.
             ["wall", key, "live.jpg"] => {
                 let jpeg = self.entries.wall_light(key).ok_or(Key::Closed)?;
                 Ok(http::uncached("image/jpeg", jpeg))
@@ -233,7 +233,7 @@ impl Server {
         }
     }
 
-    /// Answers a POST to the visitors' or the kiosk's address: a visitor withdraws an entry.
+    /// Answers a POST to the visitors' or the kiosk's address, which withdraws an entry.
     fn visitor_post(&self, parts: &[&str], body: &[u8]) -> KeyResult<Reply> {
         match *parts {
             ["entries", id] => {
@@ -254,12 +254,12 @@ impl Server {
         let product = match name {
             "live" => Product::Live,
             "photos" => Product::Large { advice: photo.advice, files: photo.files },
-            // Scripts are for a pilot at this machine, and not at a kiosk.
+            // Scripts are made only for a pilot at this machine, and not at a kiosk.
             _ if request.is_home() => Product::Script,
             _ => return Err(Key::NotHere),
         };
         let maker = if request.peer.is_loopback() { &self.host } else { &self.visitors };
-        // The server stores no photo, so the page sends the request again to have it flown.
+        // The server does not store the photo, so the page repeats the request to have it flown.
         let body = request.body.as_deref().unwrap_or_default();
         let id = (name == "photos").then(|| String::from_utf8_lossy(body).into_owned());
         let (number, subject) = (photo.number, photo.subject);
@@ -272,8 +272,8 @@ impl Server {
         Ok(http::uncached("application/json", answer))
     }
 
-    /// Adds an entry for the photo that a visitor sends to be flown, which is made again by its
-    /// request. Returns the answer with the entry's name, number and page.
+    /// Adds an entry for the photo that a visitor sends to be flown, and makes the photo again from
+    /// its request. Returns the answer with the entry's name, number and page.
     async fn send_entry(
         self: &Arc<Self>,
         body: &[u8],
@@ -286,7 +286,7 @@ impl Server {
         if language.len() > MAX_LANGUAGE || photo.visitor != posted.member::<String>("visitor")? {
             return Err(Key::PageOld.into());
         }
-        // A request that arrives again has the same digest, and gets the receipt of its entry.
+        // A repeated request has the same digest, and receives the receipt for the existing entry.
         let id = sha256(photo_request.as_bytes())[..32].to_owned();
         let existing = self.entries.admit(&id, request.peer)?;
         let Receipt { id, number, is_new } = match existing {
@@ -316,7 +316,8 @@ impl Server {
         Ok(added.await.unwrap_or(Err(Key::Broken))?)
     }
 
-    /// Returns the IP address in the addresses of pages: in the network, or for this machine only.
+    /// Returns the IP address for the addresses of pages, which is this machine's address in the
+    /// network, or else the loopback address.
     pub(crate) fn ip(&self) -> IpAddr {
         self.network_ip.unwrap_or(Ipv4Addr::LOCALHOST.into())
     }
@@ -333,14 +334,14 @@ impl Server {
     }
 }
 
-/// Longest code of a language, in bytes.
+/// Maximum length of a language code, in bytes.
 const MAX_LANGUAGE: usize = 8;
 
-/// The JSON object in the body of a POST.
+/// JSON object in the body of a POST.
 pub(crate) struct Posted(Map<String, Value>);
 
 impl Posted {
-    /// Reads an object. Refuses members whose names are not in `names`.
+    /// Parses an object, and refuses members whose names are not in `names`.
     pub(crate) fn parse(body: &[u8], names: &[&str]) -> KeyResult<Self> {
         let members: Map<String, Value> =
             serde_json::from_slice(body).map_err(|_broken| Key::PageOld)?;
@@ -358,7 +359,8 @@ impl Posted {
 const SVG: &str = "image/svg+xml";
 pub(crate) const ZIP: &str = "application/zip";
 
-/// The page loads nothing from elsewhere, and runs only its scripts and its module.
+/// Content security policy, with which the page loads nothing from other servers, and runs only its
+/// own scripts and module.
 const POLICY: &str = "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; style-src 'self'; img-src 'self' \
                       data: blob:; connect-src 'self'; worker-src 'self'; base-uri 'none'; form-action 'none'; \
                       frame-ancestors 'none'";
@@ -368,8 +370,8 @@ pub(crate) fn qr_code(text: &str) -> Reply {
     sandboxed(http::uncached(SVG, qr::svg(text)))
 }
 
-/// Adds a policy to the answer with an SVG file: opened in a browser, it runs no script and loads
-/// nothing.
+/// Adds a policy to the answer with an SVG file, so that the file runs no script and loads nothing
+/// if it is opened in a browser.
 fn sandboxed(reply: Reply) -> Reply {
     let policy = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox";
     with_field(reply, "Content-Security-Policy", policy)

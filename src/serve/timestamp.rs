@@ -4,12 +4,12 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 const DAY_S: u64 = 86_400;
 
-/// Returns the current time: `2026-11-26T19:05:12Z`.
+/// Returns the current time, such as `2026-11-26T19:05:12Z`.
 pub(crate) fn now() -> String {
     rfc3339(SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs()))
 }
 
-/// Returns the text of a time, in seconds since the beginning of 1970.
+/// Formats a time, given in seconds since the beginning of 1970.
 fn rfc3339(since_1970_s: u64) -> String {
     let [year, month, day] = date(since_1970_s / DAY_S);
     let s = since_1970_s % DAY_S;
@@ -20,15 +20,16 @@ fn rfc3339(since_1970_s: u64) -> String {
 /// Returns year, month and day for a number of days since 1970-01-01, in the Gregorian calendar
 /// (Hinnant, "chrono-Compatible Low-Level Date Algorithms").
 fn date(days_since_1970: u64) -> [u64; 3] {
-    // Years begin in March, so that the leap day is the last one. An era has 400 years, 146,097
-    // days. Year 0 begins 719,468 days before 1970.
+    // Years are counted from March, so that the leap day is the last day of its year. An era has
+    // 400 years or 146,097 days. Year 0 begins 719,468 days before 1970.
     let days = days_since_1970 + 719_468;
     let (era, day_of_era) = (days / 146_097, days % 146_097);
-    // 100 years have 36,524 days. 4 and 400 years have 1460 and 146,096 before their last leap day.
+    // A century has 36,524 days. A 4-year and a 400-year cycle have 1460 and 146,096 days,
+    // respectively, before their final leap day.
     let leap_days = day_of_era / 1460 - day_of_era / 36_524 + day_of_era / 146_096;
     let year = (day_of_era - leap_days) / 365;
     let day_of_year = day_of_era - (365 * year + year / 4 - year / 100);
-    // From March on, five months always have 153 days.
+    // From March on, every five months have 153 days.
     let month_from_march = (5 * day_of_year + 2) / 153;
     let day = day_of_year - (153 * month_from_march + 2) / 5 + 1;
     let month = if month_from_march < 10 { month_from_march + 3 } else { month_from_march - 9 };
@@ -41,7 +42,7 @@ mod tests {
 
     #[test]
     fn days_have_dates() {
-        // date -u -d 2026-11-26 +%s, and the like.
+        // The expected values are those of `date -u -d 2026-11-26 +%s` and similar commands.
         for (days, wanted) in [
             (0, "1970-01-01T00:00:00Z"),
             (11_016, "2000-02-29T00:00:00Z"),

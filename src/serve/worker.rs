@@ -1,8 +1,9 @@
-//! Workers: processes that make photos and scripts, one after another.
+//! Worker processes, each of which makes photos and scripts one after another.
 //!
-//! A worker that is too slow, uses too much memory or fails is killed, and the server continues. A
-//! worker ends when its pipe is closed, so it does not survive the server. It runs the same
-//! program. A job is a line of JSON, and so is an answer, followed by the bytes of its files.
+//! A worker runs the same program as the server. If a worker is too slow, uses too much memory or
+//! fails, it is killed, and the server continues. A worker ends when its pipe is closed, and
+//! therefore does not survive the server. A job is a line of JSON. An answer is a line of JSON
+//! followed by the bytes of its files.
 
 use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, BTreeSet};
@@ -35,24 +36,23 @@ use noctograph_photo_service::messages::{Key, Message};
 use noctograph_photo_service::request::{Product, Subject};
 use noctograph_pipeline::scene::Scene;
 
-/// Greatest number of jobs that wait for a worker.
+/// Maximum number of jobs that wait for a worker.
 const MAX_WAITING: usize = 64;
-/// Greatest memory of a worker in bytes, without its code: enough for a large picture.
+/// Maximum memory of a worker in bytes, excluding its code, which is enough for a large picture.
 #[cfg(unix)]
 const MEMORY: u64 = 1 << 30;
-/// Longest time for a photo while a visitor types. It stops a worker that hangs, and is enough on a
-/// busy machine.
+/// Time limit for a photo while a visitor types, long enough for a busy machine.
 const LIVE_TIMEOUT: Duration = Duration::from_secs(30);
-/// Longest time for other products. The advice of a large photo takes thirty simulated flights.
+/// Time limit for other products. The advice for a large photo takes thirty simulated flights.
 const LARGE_TIMEOUT: Duration = Duration::from_secs(300);
-/// How often to check if a killed worker has ended.
+/// Maximum number of checks whether a killed worker has ended.
 const END_TRIES: usize = 100;
-/// Time between checks. A worker ends within a millisecond, unless its disk hangs.
+/// Time between these checks. A worker ends within a millisecond, unless the disk hangs.
 const END_PAUSE: Duration = Duration::from_millis(1);
-/// Longest line of an answer, in bytes.
+/// Maximum length of an answer's line, in bytes.
 const MAX_LINE: u64 = 1 << 20;
-/// Greatest total size of an answer's files, in bytes: a photo of two megapixels with its files,
-/// also in base64.
+/// Maximum total size of an answer's files in bytes, enough for a photo of two megapixels with its
+/// files, even in base64.
 const MAX_BYTES: usize = 32 << 20;
 
 /// A job, which is sent to a worker as a line of JSON.
@@ -60,26 +60,25 @@ const MAX_BYTES: usize = 32 << 20;
 pub(crate) struct Job {
     pub(crate) product: Product,
     pub(crate) subject: Subject,
-    /// The members of the request that its page gets back. With them, the answer is one file for
-    /// the page. If it is `None`, the answer is all files.
+    /// Members of the request that the page receives back in an answer of one file. If it is
+    /// `None`, the answer consists of all files.
     pub(crate) page: Option<Asked>,
-    /// The log of a flight of the subject, whose photo is made as far as it has come. The product
-    /// is then ignored.
+    /// Log whose light so far is photographed, in which case the product is ignored.
     pub(crate) flight: Option<Followed>,
 }
 
 /// A log that grows.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub(crate) struct Followed {
-    /// Absolute path.
+    /// Absolute path of the log.
     pub(crate) path: PathBuf,
-    /// Number of the flight. Another file may get the same name.
+    /// Number of the flight, because several logs may have the same path.
     pub(crate) number: u64,
-    /// True if it has ended even without the mark of its end.
+    /// True if the flight counts as over even without an end mark.
     pub(crate) is_over: bool,
 }
 
-/// The answer to a job.
+/// Answer to a job.
 #[derive(Debug)]
 pub(crate) struct Parcel {
     /// Facts about a large photo for its entry.
@@ -87,19 +86,19 @@ pub(crate) struct Parcel {
     pub(crate) files: Vec<File>,
 }
 
-/// The line of an answer: facts for the entry, and names and sizes of the files that follow.
+/// Line of an answer, with facts for the entry, and the names and sizes of the files that follow.
 type Head = std::result::Result<(Figures, Vec<(String, usize)>), Message>;
 
-/// Queues jobs for one worker.
+/// Queue of jobs for one worker.
 #[derive(Debug)]
 pub(crate) struct Maker {
     program: Program,
-    /// Folder in which each worker gets a folder.
+    /// Parent folder of the worker's folder.
     scratch: PathBuf,
     worker: Arc<Mutex<Option<Worker>>>,
-    /// Limits the jobs that wait.
+    /// Semaphore that limits the number of waiting jobs.
     permits: Semaphore,
-    /// True if the worker uses one processor core.
+    /// True if the worker uses only one processor core.
     is_frugal: bool,
 }
 
@@ -119,19 +118,19 @@ impl Maker {
         Self { program, scratch, worker: Arc::default(), permits, is_frugal: false }
     }
 
-    /// A maker whose worker uses one processor core.
+    /// Creates a queue whose worker uses only one processor core.
     pub(crate) fn frugal(program: Program, scratch: &Path) -> Self {
         Self { is_frugal: true, ..Self::new(program, scratch) }
     }
 
-    /// Does a job. If the future is dropped while the job waits, the job is not begun. If it is
-    /// dropped later, the job is stopped, except for the photo of a keystroke, which is soon done.
+    /// Runs a job. If the future is dropped while the job waits, the job is never started. If it is
+    /// dropped later, the job is stopped, except for the photo of a keystroke.
     pub(crate) async fn make(&self, job: Job) -> std::result::Result<Parcel, Message> {
         let _permit = self.permits.try_acquire().map_err(|_full| Key::Busy)?;
         let mut slot = self.worker.clone().lock_owned().await;
         let (program, scratch, is_frugal) = (self.program, self.scratch.clone(), self.is_frugal);
         let is_live = job.product == Product::Live;
-        // The worker returns to its slot only after an answer, so a job that fails kills it.
+        // The worker returns to its slot only after an answer, so a failing job kills it.
         let made = tokio::spawn(async move {
             let mut worker = match slot.take() {
                 Some(worker) => worker,
@@ -142,12 +141,12 @@ impl Maker {
                 let values = json!({ "seconds": limit.as_secs() });
                 Message::from(Key::TooSlow).with_values(values)
             })?;
-            // A worker that ends without an answer ran into its memory limit.
+            // A worker that ends without an answer has reached its memory limit.
             let answer = answer.map_err(|_gone| Key::TooLarge)?;
             *slot = Some(worker);
             answer
         });
-        // A dropped handle lets its task run on, which is right for a keystroke's photo.
+        // The task of a keystroke's photo continues even when its handle is dropped.
         let made = match is_live {
             true => made.await,
             false => (&mut AbortOnDrop(made).0).await,
@@ -156,7 +155,7 @@ impl Maker {
     }
 }
 
-/// A running worker, which is killed when this is dropped.
+/// A running worker, which is killed when this value is dropped.
 #[derive(Debug)]
 struct Worker {
     child: Child,
@@ -170,8 +169,8 @@ impl Worker {
     fn start(program: Program, scratch: &Path, is_frugal: bool) -> std::io::Result<Self> {
         let folder = tempfile::Builder::new().prefix("worker-").tempdir_in(scratch)?;
         let mut command = Command::from((program.worker)()?);
-        // In its own process group, a worker does not get Ctrl-C from the terminal, but ends with
-        // the server, which closes its pipe.
+        // Because it has its own process group, a worker receives no Ctrl-C from the terminal. It
+        // ends with the server, which closes its pipe.
         #[cfg(unix)]
         command.process_group(0);
         if is_frugal {
@@ -190,7 +189,7 @@ impl Worker {
         self.jobs.write_all(line.as_bytes()).await?;
         let mut line = String::new();
         (&mut self.answers).take(MAX_LINE).read_line(&mut line).await?;
-        // A malicious drawing might take over the worker, so the sizes are checked.
+        // The sizes are checked, because a malicious drawing might take over the worker.
         let (figures, sizes) = match serde_json::from_str::<Head>(&line)? {
             Ok(head) => head,
             Err(message) => return Ok(Err(message)),
@@ -211,7 +210,8 @@ impl Worker {
 impl Drop for Worker {
     fn drop(&mut self) {
         let _ = self.child.start_kill();
-        // Waits for its end, since Windows does not remove the current folder of a process.
+        // The end of the process is awaited, because Windows does not remove the current folder of
+        // a running process.
         for _ in 0..END_TRIES {
             match self.child.try_wait() {
                 Ok(None) => std::thread::sleep(END_PAUSE),
@@ -226,11 +226,11 @@ impl Drop for Worker {
 ///
 /// # Errors
 ///
-/// [`Error::Infeasible`] without a thread.
+/// [`Error::Infeasible`] if no thread can be started.
 pub fn work(program: Program, scene: Option<&str>) -> Result<()> {
     limit_memory();
     let (sender, jobs) = channel();
-    // Another thread reads the jobs, to notice the end of the server during a job.
+    // Another thread reads the jobs, so that the end of the server is noticed during a job.
     let reading = std::thread::Builder::new().spawn(move || {
         let lines = std::io::stdin().lines().map_while(|line| line.ok());
         for job in lines.map_while(|line| serde_json::from_str::<Job>(&line).ok()) {
@@ -243,7 +243,7 @@ pub fn work(program: Program, scene: Option<&str>) -> Result<()> {
     let faces = RefCell::default();
     let maker = JobMaker { program, scene, faces, following: Cell::default() };
     for job in jobs {
-        // A panic cannot break the cache of typefaces, which is all that remains from a job.
+        // A panic cannot corrupt the cache of typefaces, which is all that a job leaves behind.
         let made = catch_unwind(AssertUnwindSafe(|| maker.make_in(&folder, &job)));
         let made = made.unwrap_or_else(|_| Err(Key::Broken.into()));
         if write_answer(made.and_then(|answer| to_parcel(answer, job.page))).is_err() {
@@ -253,8 +253,8 @@ pub fn work(program: Program, scene: Option<&str>) -> Result<()> {
     Ok(())
 }
 
-/// Returns the part of an answer that the server gets: an answer for the page, or the files and the
-/// facts for an entry, which is refused if its flight is not safe.
+/// Returns the part of an answer that the server receives, which is an answer for the page, or the
+/// files and the facts for an entry. Refuses an entry whose flight is not safe.
 fn to_parcel(answer: Answer, page: Option<Asked>) -> std::result::Result<Parcel, Message> {
     if let Some(asked) = page {
         let bytes = PageAnswer::new(asked, Ok(answer)).json().into_bytes();
@@ -268,7 +268,7 @@ fn to_parcel(answer: Answer, page: Option<Asked>) -> std::result::Result<Parcel,
     if !facts.stops.is_empty() {
         return Err(Message::of_stops(&facts.stops));
     }
-    // With the path of the light, the wall exposes the photo again.
+    // The wall uses the path of the light to expose the photo again.
     let replay = json!(facts.photo.replay).to_string().into_bytes();
     files.push(File { name: REPLAY.into(), bytes: replay });
     Ok(Parcel { figures: Figures::new(*facts), files })
@@ -283,7 +283,7 @@ fn write_answer(made: std::result::Result<Parcel, Message>) -> std::io::Result<(
         }
         Err(message) => (Err(message), Vec::new()),
     };
-    // The line contains the sizes of the files that follow.
+    // The first line contains the sizes of the files that follow.
     let mut out = std::io::stdout().lock();
     writeln!(out, "{}", json!(head))?;
     for file in files {
@@ -292,17 +292,17 @@ fn write_answer(made: std::result::Result<Parcel, Message>) -> std::io::Result<(
     out.flush()
 }
 
-/// Greatest number of words whose typefaces are cached: those of an evening, letter by letter.
+/// Maximum number of words whose typefaces are cached, enough for an evening's typing.
 const MAX_FACES: usize = 4096;
 
-/// The folder of a job, which is the current folder until this is dropped.
+/// Folder of a job, which is the current folder until this value is dropped.
 struct JobFolder<'a> {
     _folder: TempDir,
     parent: &'a Path,
 }
 
 impl<'a> JobFolder<'a> {
-    /// Makes a folder in `parent` the current folder.
+    /// Creates a folder in `parent`, and makes it the current folder.
     fn enter(parent: &'a Path) -> std::io::Result<Self> {
         let folder = tempfile::tempdir_in(parent)?;
         std::env::set_current_dir(folder.path())?;
@@ -312,22 +312,22 @@ impl<'a> JobFolder<'a> {
 
 impl Drop for JobFolder<'_> {
     fn drop(&mut self) {
-        // Windows does not remove the current folder.
+        // Windows does not remove the current folder of a process.
         let _ = std::env::set_current_dir(self.parent);
     }
 }
 
-/// Does the jobs of a worker.
+/// Runner of a worker's jobs.
 struct JobMaker<'a> {
     program: Program,
     scene: Option<&'a str>,
-    /// Typefaces on this machine by the letters of a word.
+    /// Typefaces on this machine, by the letters of the word for which they were searched.
     faces: RefCell<BTreeMap<BTreeSet<char>, Option<PathBuf>>>,
-    /// The flight that was followed last.
+    /// Flight that was followed last.
     following: Cell<Option<Following>>,
 }
 
-/// A flight that is followed: its log, and the light that was drawn.
+/// A flight that is being followed, with its log and the film of its light so far.
 struct Following {
     number: u64,
     log: GrowingLog,
@@ -342,7 +342,7 @@ impl Following {
 }
 
 impl JobMaker<'_> {
-    /// Does a job in a new folder that contains all of its files, so that the answer reveals no
+    /// Runs a job in a new folder that contains all of its files, so that the answer reveals no
     /// path on this machine.
     fn make_in(&self, parent: &Path, Job { product, subject, flight, .. }: &Job) -> Made {
         let Ok(_folder) = JobFolder::enter(parent) else { return Err(Key::DiskFull.into()) };
@@ -359,7 +359,7 @@ impl JobMaker<'_> {
         }
     }
 
-    /// Makes the photo of a flight as far as its log has come.
+    /// Makes the photo of the flight so far from its log.
     fn follow(&self, studio: &Studio<'_>, subject: &Subject, flight: &Followed) -> Made {
         let last = self.following.take().filter(|last| last.number == flight.number);
         let opened = last.map_or_else(|| Following::open(flight), Ok);
@@ -368,12 +368,12 @@ impl JobMaker<'_> {
         let Following { log, film, .. } = &mut following;
         let is_over = flight.is_over || log.has_ended();
         let made = studio.follow(subject, log, film, is_over);
-        // A log that grows after its end is a new flight.
+        // A log that grows after its end mark is treated as a new flight.
         self.following.set(Some(following).filter(|_| !is_over));
         made
     }
 
-    /// Returns the page's scene with settings over its keys, and its files in the current folder.
+    /// Returns the page's scene with overriding settings, and its files in the current folder.
     fn base(&self, settings: &[(&str, &str)]) -> Result<Scene> {
         let mut scene = match self.scene {
             Some(named) => Scene::find(named, settings)?.scene,
@@ -385,7 +385,7 @@ impl JobMaker<'_> {
         Ok(scene)
     }
 
-    /// Returns a typeface on this machine that has all letters of a word. `None` if there is none.
+    /// Returns a typeface on this machine that contains all letters of a word, if any.
     fn face(&self, word: &str) -> Option<PathBuf> {
         let letters: BTreeSet<char> = word.chars().filter(|c| !c.is_whitespace()).collect();
         let mut faces = self.faces.borrow_mut();
@@ -399,25 +399,25 @@ impl JobMaker<'_> {
     }
 }
 
-/// Links or copies a file into the current folder, unless it is there. Returns its name there.
+/// Links or copies a file into the current folder, unless it is there, and returns its name.
 fn bring_here(path: &Path) -> Result<String> {
     let here = std::env::current_dir().map_err(|source| Error::read(path, source))?;
     let mut name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     if path.parent() == Some(&here) {
         return Ok(name);
     }
-    // Another file may have the same name.
+    // Another file may already have the same name.
     while Path::new(&name).exists() {
         name.insert(0, '_');
     }
-    // A file on another disk cannot be linked, and is copied.
+    // A file on another disk is copied, because it cannot be linked.
     let linked = std::fs::hard_link(path, &name);
     let copied = linked.or_else(|_| std::fs::copy(path, &name).map(drop));
     copied.map_err(|source| Error::read(name.as_ref(), source))?;
     Ok(name)
 }
 
-/// Limits the memory of this process, if the system can. Otherwise only the timeout stops it.
+/// Limits the memory of this process, if the system supports it.
 fn limit_memory() {
     #[cfg(unix)]
     {

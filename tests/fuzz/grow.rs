@@ -1,9 +1,9 @@
-//! Growth of files: elements of valid files are repeated, nested and lengthened until the file is
-//! as large as its reader accepts.
+//! Growth of files, in which elements of valid files are repeated, nested and lengthened until the
+//! file is as large as its reader accepts.
 //!
 //! [`crate::mutate`] changes small files in few places, which never requires more than a few times
-//! the work of a seed. In contrast, this module makes a thousand or a million elements of one kind,
-//! with or without a second kind, with numbered or identical copies.
+//! the work of a seed. In contrast, this module makes thousands or millions of numbered or
+//! identical copies of one kind of element, with or without a second kind.
 
 use crate::heavy;
 use crate::mutate::Random;
@@ -15,8 +15,8 @@ const BRACKETS: [(u8, u8); 4] = [(b'{', b'}'), (b'[', b']'), (b'(', b')'), (b'<'
 /// Separators between elements.
 const SIGNS: [&[u8]; 7] = [b"", b",", b" ", b"\n", b";", b", ", b"}{"];
 
-/// Returns the size of the largest file that is grown for a reader, and the function that grows it,
-/// which repeats parts of its text or writes such files itself.
+/// Returns the maximum size of files that are grown for a reader, and the function that grows them,
+/// which repeats parts of valid files or generates files itself.
 pub(crate) fn grower(reader: &str) -> Option<(usize, Grower)> {
     const KIB: usize = 1 << 10;
     const MIB: usize = 1 << 20;
@@ -36,23 +36,23 @@ pub(crate) fn grower(reader: &str) -> Option<(usize, Grower)> {
     })
 }
 
-/// Function that grows a file of a reader up to a number of bytes.
+/// Function that grows a file for a reader up to a number of bytes.
 pub(crate) type Grower = fn(&[Seed], usize, &mut Random) -> Vec<u8>;
 
-/// Returns a seed in which one or two elements have grown, with at most `most` bytes.
+/// Returns a seed in which one or two elements are multiplied, with at most `most` bytes.
 pub(crate) fn grown(seeds: &[Seed], most: usize, random: &mut Random) -> Vec<u8> {
     let good: Vec<&Seed> = seeds.iter().filter(|seed| seed.good).collect();
     let mut bytes = good[random.below(good.len())].bytes.clone();
-    // The target size is logarithmically distributed, so that small files are as frequent as large
-    // ones.
+    // The logarithm of the target size is uniformly distributed, so that small files are as
+    // frequent as large ones.
     let target = |random: &mut Random| {
         let doublings = most.ilog2().saturating_sub(10) as usize;
         (most >> random.below(doublings + 1)).max(1 << 10)
     };
     let total = target(random);
     if random.below(2) == 0 {
-        // An element of a second kind grows first, which the first kind then multiplies or
-        // accompanies.
+        // An element of a second kind is grown first. It is then multiplied as part of the first
+        // kind, or stands beside it.
         let part = (total >> (1 + random.below(10))).max(64);
         grow(&mut bytes, part, random);
     }
@@ -128,8 +128,7 @@ fn element(bytes: &[u8], random: &mut Random) -> Option<Span> {
     Some((begin, end + last + closing.len()))
 }
 
-/// Inserts copies of a piece behind it. In half of the cases, each copy contains a number in one of
-/// its names.
+/// Inserts copies of a piece after it, half of the time with a number in one of its names.
 fn repeat(bytes: &mut Vec<u8>, span: Span, sign: &[u8], room: usize, random: &mut Random) {
     let piece = bytes[span.0..span.1].to_vec();
     if piece.is_empty() {
@@ -164,8 +163,7 @@ fn nest(bytes: &mut Vec<u8>, room: usize, random: &mut Random) {
         element(&outer[1..], random).unwrap_or_else(|| token(&outer[1..outer.len() - 1], random));
     let (head, tail) = (outer[..=from].to_vec(), outer[to + 1..].to_vec());
     let times = room / (head.len() + tail.len()).max(1);
-    // Because readers limit the depth, half of the cases nest only a few times, and half to the
-    // full size.
+    // Half of the cases nest to the full size, and half less, because readers limit the depth.
     let times = if random.below(2) == 0 { times.min(1 + random.below(200)) } else { times };
     bytes.splice(begin + to + 1..begin + to + 1, tail.repeat(times));
     bytes.splice(begin..begin, head.repeat(times));

@@ -1,9 +1,9 @@
-//! Generators of large binary files: typefaces of many glyphs with many points each, flight logs of
-//! the µSD card, and photos.
+//! Generators of large binary files, which are typefaces of many glyphs with many points each,
+//! flight logs of the µSD card, and photos.
 
 use crate::mutate::Random;
 
-/// Returns a typeface of at most `most` bytes in which every letter has a different outline.
+/// Returns a typeface of at most `most` bytes in which each letter has a different outline.
 pub(crate) fn typeface(most: usize, random: &mut Random) -> Vec<u8> {
     let n_points = (4 << random.below(12)).min(7900);
     // The glyphs start at `!`, so that they include the letters of a word.
@@ -11,8 +11,8 @@ pub(crate) fn typeface(most: usize, random: &mut Random) -> Vec<u8> {
     typeface_of(n_glyphs, n_points, random.below(4), random)
 }
 
-/// Returns a typeface of the characters from `!` on, each with a number of points in one of four
-/// shapes.
+/// Returns a typeface of the characters from `!` on, each with the given number of points in one of
+/// four shapes.
 pub(crate) fn typeface_of(
     n_glyphs: usize,
     n_points: usize,
@@ -98,7 +98,7 @@ fn face(tables: &[(&[u8; 4], Vec<u8>)]) -> Vec<u8> {
     file
 }
 
-/// Returns a complete log of the µSD card of at most `most` bytes, with few or many variables.
+/// Returns a complete µSD log of at most `most` bytes, with few or many variables.
 pub(crate) fn log_usd(most: usize, random: &mut Random) -> Vec<u8> {
     let most_variables = 1 << random.below(11);
     let n_variables = 1 + random.below(most_variables);
@@ -125,7 +125,7 @@ pub(crate) fn log_usd(most: usize, random: &mut Random) -> Vec<u8> {
     bytes
 }
 
-/// Returns a picture of one color with as many pixels as its reader could hold in `most` bytes.
+/// Returns a single-colored picture with as many pixels as its reader could store in `most` bytes.
 pub(crate) fn png(most: usize, random: &mut Random) -> Vec<u8> {
     let wide = 1 << random.below(14);
     let high = (most / wide).clamp(1, 65_535);

@@ -1,13 +1,14 @@
-//! Tests every reader of the program with damaged and hostile files: a mutator changes valid files
-//! in few places, and growth repeats, nests and lengthens their elements. No file may cause a panic
-//! or an endless loop, and each stays within a memory budget. Times are printed but not judged,
-//! because a busy machine stretches them. `tests/it/limits.rs` grows the inputs of whole verbs.
+//! Tests every reader of the program with damaged and hostile files. A mutator changes valid files
+//! in a few places, and growth repeats, nests and lengthens their elements. No file may cause a
+//! panic, an endless loop, or memory use above a budget. Times are printed but not judged, because
+//! they are longer on a busy machine. `tests/it/limits.rs` grows the inputs of whole verbs.
 //!
 //! `cargo test --release --test fuzz` takes about 15 s of processor time. `NOCTOGRAPH_FUZZ_CASES`
 //! sets the number of damaged files for each reader, and `NOCTOGRAPH_GROW_CASES` the number of
 //! grown files, which are then as large as the reader accepts. `NOCTOGRAPH_FUZZ_ONLY` selects one
-//! reader. Case `n` of a reader has the same bytes on every machine. A failure writes its input
-//! under `target/`. When the fault is fixed, add this input to `tests/fuzz/seeds/READER/`.
+//! reader. Case `n` of a reader has the same bytes on every machine. When a case fails, its input
+//! is written under `target/`. When the fault is fixed, add this input to
+//! `tests/fuzz/seeds/READER/`.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::disallowed_methods, reason = "a test reads what it wrote")]
 
@@ -27,10 +28,10 @@ mod words;
 use noctograph::letters::{Font, Trace};
 use readers::Reader;
 
-/// Maximum memory to read a damaged file, which is small, in bytes.
+/// Maximum memory for reading a damaged file, which is small, in bytes.
 const DAMAGED: usize = 256 << 20;
-/// Maximum memory, in bytes, to read a file as large as its reader accepts, or a word of up to 256
-/// letters, whose photo is read blind twice and scored once.
+/// Maximum memory, in bytes, for reading a file as large as its reader accepts, or a photo of up to
+/// 256 letters, which is read blind twice and scored once.
 const GROWN: usize = 300_000_000;
 /// Default number of grown files for each reader.
 const GROWN_CASES: u64 = 16;
@@ -86,7 +87,8 @@ fn no_growth_hurts_its_reader() {
     });
 }
 
-/// Tracing one tangled glyph takes several milliseconds, and a sheet shows a thousand characters.
+/// The budget is needed, because tracing one tangled glyph takes several milliseconds, and a sheet
+/// shows a thousand characters.
 #[test]
 fn a_face_has_one_budget_for_all_its_characters() {
     let mut random = mutate::Random::new("face", 1);
@@ -101,8 +103,8 @@ fn a_face_has_one_budget_for_all_its_characters() {
     assert!(error.contains("heavy.ttf: found more work than an input may take"), "{error}");
 }
 
-/// Words of equal and alternating letters are written, scored in photos of themselves and of each
-/// other, read blind, and taken from a photo with its scene.
+/// Words of equal and of alternating letters are written, scored in photos of themselves and of
+/// each other, read blind, and taken from the scene in a photo.
 #[test]
 fn no_word_takes_much_memory() {
     let reader = Reader { name: "words", file: "word.txt", read: words::read, good: || vec![] };
@@ -124,7 +126,7 @@ fn number(name: &str) -> Option<u64> {
 
 /// Measures readers one after another, and prints the results.
 fn each_reader(kind: &str, measure: impl Fn(&Reader, &std::path::Path) -> Option<Tally>) {
-    // The measurement takes a lock, because memory is counted over all threads.
+    // The lock prevents simultaneous measurements, because memory is counted over all threads.
     static ALONE: Mutex<()> = Mutex::new(());
     let _alone = ALONE.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
     std::panic::set_hook(Box::new(|_| {}));

@@ -1,4 +1,4 @@
-//! Counts the memory in use at any time in the allocator.
+//! Allocator that counts the memory in use.
 #![expect(unsafe_code, reason = "an allocator is unsafe; this one hands on to the system's")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -7,8 +7,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 static NOW: AtomicUsize = AtomicUsize::new(0);
 static PEAK: AtomicUsize = AtomicUsize::new(0);
 
-/// Size in bytes above which an allocation fails, so that a decompression bomb does not bring down
-/// the machine.
+/// Size in bytes above which an allocation fails, so that a decompression bomb does not exhaust the
+/// machine's memory.
 const REFUSED: usize = 8 << 30;
 
 struct Counting;

@@ -1,4 +1,4 @@
-//! Mutations of files: bytes, numbers in text, lines, and pieces of other seeds.
+//! Mutations of files by bytes, numbers in text, lines, and pieces of other seeds.
 
 use crate::readers::Seed;
 
@@ -89,7 +89,7 @@ const WORDS: [&[u8]; 24] = [
 /// Maximum size of a case in bytes, because repeated lines would otherwise fill the memory.
 const MAX_BYTES: usize = 1 << 20;
 
-/// Returns a seed that is changed in one to eight places.
+/// Returns a seed with changes in one to eight places.
 pub(crate) fn mutated(seeds: &[Seed], random: &mut Random) -> Vec<u8> {
     let mut bytes = seeds[random.below(seeds.len())].bytes.clone();
     for _ in 0..=random.below(8) {
@@ -134,7 +134,7 @@ fn change(bytes: &mut Vec<u8>, other: &[u8], random: &mut Random) {
     }
 }
 
-/// Writes an integer of 2, 4 or 8 bytes at a position.
+/// Overwrites 2, 4 or 8 bytes at a position with an integer.
 fn integer(bytes: &mut [u8], at: usize, random: &mut Random) {
     let values = [0, 1, 0x7f, 0xff, 0x7fff, 0xffff, 0x7fff_ffff, 0xffff_ffff, u64::MAX];
     let value = values[random.below(values.len())];
@@ -169,7 +169,7 @@ fn number(bytes: &mut Vec<u8>, at: usize, random: &mut Random) {
     bytes.splice(begin..end, number.bytes());
 }
 
-/// Corrects the checksum of every chunk of a PNG file, without which readers reject the chunk.
+/// Corrects the checksums of a PNG file's chunks, because readers reject wrong ones.
 pub(crate) fn mend_checksums(bytes: &mut [u8]) {
     let mut at = 8;
     while let Some(length) = bytes.get(at..at + 4).and_then(|n| n.first_chunk()).copied() {

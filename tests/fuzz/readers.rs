@@ -1,4 +1,4 @@
-//! The readers, each with valid files as seeds.
+//! The readers, with valid files as seeds.
 
 use std::path::{Path, PathBuf};
 
@@ -30,12 +30,12 @@ pub(crate) struct Reader {
 pub(crate) struct Seed {
     pub(crate) name: String,
     pub(crate) bytes: Vec<u8>,
-    /// True if the file must be accepted. Past failures may also be refused.
+    /// True if the file must be accepted. A file of a past failure may also be refused.
     pub(crate) good: bool,
 }
 
 impl Reader {
-    /// Returns the valid files, and those on which the reader failed once.
+    /// Returns the valid files, and files on which the reader failed in the past.
     pub(crate) fn seeds(&self) -> Vec<Seed> {
         let good = (self.good)().into_iter().enumerate();
         let good = good.map(|(n, bytes)| Seed { name: format!("good {n}"), bytes, good: true });
@@ -74,7 +74,7 @@ fn drawing(path: &Path, _: &[u8]) -> bool {
 }
 
 /// Writes a word in a typeface. Only an eighth of the typefaces are traced along their center
-/// lines, because this takes most of the time.
+/// lines, because tracing takes most of the time.
 fn word(path: &Path, bytes: &[u8]) -> bool {
     let font = path.display().to_string();
     let trace = if bytes.len().is_multiple_of(8) { Trace::CenterLine } else { Trace::Outline };
@@ -93,7 +93,7 @@ fn finite(strokes: Strokes) -> bool {
     true
 }
 
-/// Reads a flight and its light, because an excessive duration would be expensive in the light.
+/// Reads a flight and computes its light, which would be expensive for an excessive duration.
 fn flight(_: &Path, bytes: &[u8]) -> bool {
     let Ok(flight) = Flight::parse_csv(bytes, "flight.csv") else { return false };
     let _ = light(&flight, &LightOptions::default(), 0, 0);

@@ -9,7 +9,7 @@ use noctograph::photo::{self, Metadata, Photo, PhotoData};
 use noctograph::scene::{Preset, Scene};
 use noctograph::score::{Reader, ScoreOptions, View, read as read_blind};
 
-/// Lengths of words, up to the longest that can be written.
+/// Numbers of letters in a word, up to the longest word that can be written.
 const LENGTHS: [usize; 3] = [1, 61, 256];
 
 /// Returns cases with words of equal, alternating and many letters, each scored for the word
@@ -29,8 +29,7 @@ pub(crate) fn all() -> impl Iterator<Item = String> {
     })
 }
 
-/// Reads the photo of a case without a word, for a word, and with the scene that the photo
-/// contains.
+/// Reads the photo of a case blind, for a word, and with the scene that the photo contains.
 pub(crate) fn read(path: &Path, case: &[u8]) -> bool {
     let (drawn, told) = std::str::from_utf8(case).unwrap().split_once('\n').unwrap();
     let strokes = |word: &str| write(word, &LetterOptions::default());
@@ -51,7 +50,7 @@ pub(crate) fn read(path: &Path, case: &[u8]) -> bool {
     reader.and_then(|reader| reader.score(&photo, &View::from(&camera))).is_ok()
 }
 
-/// Returns a photo of white strokes of three pixels on black.
+/// Returns a photo of white strokes, three pixels wide, on black.
 fn photograph(strokes: &Strokes, view: &View) -> Photo {
     let (width_px, height_px) = (4096_u32, 120_u32);
     let mut rgb8 = vec![0; 3 * (width_px * height_px) as usize];

@@ -1,5 +1,5 @@
-//! Generates the types of answers in TypeScript for the page, and in Python for the package, from
-//! the Rust declarations and their serde attributes.
+//! Generates the types of answers in TypeScript for the page and in Python for the package from the
+//! Rust declarations and their serde attributes.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -40,7 +40,7 @@ const PACKAGE: (&str, &str, &[&str]) = (
     &["Verdict", "Outcome", "Candidate"],
 );
 
-/// Types that macros declare, and tables of the scene file, with their spelling in both languages.
+/// Types that macros declare, and tables of the scene file, with their spellings in both languages.
 const FROM_ELSEWHERE: [(&str, [&str; 2]); 4] = [
     ("Deck", ["string", "str"]),
     ("Scene", ["Record<string, any>", "dict[str, Any]"]),
@@ -117,7 +117,7 @@ fn doc(attributes: &[Attribute]) -> String {
     let docs = attributes.iter().filter(|it| it.path().is_ident("doc"));
     let lines = docs.filter_map(line).take_while(|line| !line.is_empty());
     let text = lines.collect::<Vec<_>>().join(" ").replace("[`", "`").replace("`]", "`");
-    // A path is shortened to its last segment.
+    // A Rust path is shortened to its last segment.
     let words = text.split(' ').map(|word| match word.rsplit_once("::") {
         Some((path, name)) if path.starts_with('`') => format!("`{name}"),
         _ => word.to_owned(),
@@ -182,7 +182,7 @@ fn declared() -> BTreeMap<String, Declared> {
     types
 }
 
-/// Text of a generated file, and names of types that are still to be written.
+/// Text of a generated file, and the names of types that are still to be written.
 struct Writer<'a> {
     types: &'a BTreeMap<String, Declared>,
     language: Language,

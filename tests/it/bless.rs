@@ -1,4 +1,4 @@
-//! Golden files are rewritten if `NOCTOGRAPH_BLESS` is `1`, and for no other value.
+//! Golden files are rewritten only if `NOCTOGRAPH_BLESS` is `1`.
 
 use std::fmt::Display;
 use std::io::Write as _;

@@ -102,7 +102,7 @@ fn the_meter_says_how_much_to_stop_down() {
     assert!(table.contains("+1.0"), "where it was asked for: {table}");
 }
 
-/// For words, rooms and camera bodies, the settings of both verbs once differed by two stops.
+/// The recommendations of the two verbs once differed by two stops.
 #[test]
 fn preview_and_meter_recommend_the_same_exposure() {
     let folder = tempfile::tempdir().unwrap();
@@ -112,7 +112,7 @@ fn preview_and_meter_recommend_the_same_exposure() {
         command.arg(verb).args(arguments).args(["--json", "--backend", "cpu"]);
         json(&command.args(["--size", "320x180"]).output().unwrap().stdout)
     };
-    // The words are legible, because advice for illegible words takes ten flights.
+    // The words are legible, because the advice on an illegible word takes ten flights.
     for scene in [
         &["NO"][..],
         &["NO", "--set", "photo.ambient_cd_m2=0.2", "--set", "camera.lens=28mm"],
@@ -125,7 +125,7 @@ fn preview_and_meter_recommend_the_same_exposure() {
         let meter = run("meter", scene);
         let (set, said) = (&preview["metered"], &meter["recommended"]);
         for key in ["trail_stops", "room_stops", "gave_way", "filter_stops", "longest_s"] {
-            // The team's scene uses no light meter.
+            // The team's scene does not use the light meter.
             assert!(set.is_null() || set[key] == said[key], "{scene:?}: {set} and {said}");
         }
         if !set.is_null() {

@@ -1,11 +1,11 @@
-//! Tests of the command line: its files, its output and its errors.
+//! Tests of the command line's files, output and errors.
 
 use std::path::Path;
 
 use assert_cmd::Command;
 use predicates::prelude::*;
 
-/// Returns the command, run in the given folder with the CPU backend.
+/// Returns the command, to be run in the given folder with the CPU backend.
 pub(crate) fn noctograph(folder: &Path) -> Command {
     let mut command = Command::cargo_bin("noctograph").unwrap();
     command.current_dir(folder);
@@ -51,8 +51,7 @@ fn preview_writes_five_files_and_says_what_it_read() {
     ));
     let names = names_in(&folder.path().join("noctograph-out"));
     assert_eq!(names, ["flight.csv", "photo.png", "plan.csv", "scene.toml", "verdict.json"]);
-    // A word with letters that the reader does not know has no verdict, so that the folder has no
-    // verdict.json.
+    // There is no verdict.json for a word with letters that the reader does not know.
     noctograph(folder.path()).args(["preview", "Ж"]).args(SMALL).assert().success();
     let names = names_in(&folder.path().join("noctograph-out"));
     assert_eq!(names, ["flight.csv", "photo.png", "plan.csv", "scene.toml"]);
@@ -86,8 +85,8 @@ fn preview_prints_json_with_the_promised_fields() {
     assert_eq!(json["files"].as_array().unwrap().len(), 5);
     assert!(json["adapter"].is_string());
 
-    // All outputs have the same schema: verdict.json equals the output of score, and is a part of
-    // the output of preview.
+    // All outputs have the same schema. verdict.json equals the output of `score` and is a part of
+    // the output of `preview`.
     let file = std::fs::read(folder.path().join("a/verdict.json")).unwrap();
     let file: serde_json::Value = serde_json::from_slice(&file).unwrap();
     let file = file.as_object().unwrap();
@@ -337,7 +336,7 @@ fn the_printed_scene_is_a_scene() {
     noctograph(folder.path()).args(preview).args(SMALL).assert().success();
 }
 
-/// Runs a command that must fail with exit code 2, print every text, and leave no files behind.
+/// Runs a command that must fail with exit code 2, print each text, and leave no files behind.
 pub(crate) fn fails(arguments: &[&str], files: &[(&str, &str)], texts: &[&str]) {
     let folder = tempfile::tempdir().unwrap();
     for (name, content) in files {
@@ -346,7 +345,7 @@ pub(crate) fn fails(arguments: &[&str], files: &[(&str, &str)], texts: &[&str]) 
     let before = names_in(folder.path());
     let run = noctograph(folder.path()).args(arguments).assert().code(2);
     let stderr = String::from_utf8(run.get_output().stderr.clone()).unwrap();
-    // Messages are wrapped, so that line breaks are ignored in the comparison.
+    // Line breaks are ignored in the comparison, because messages are wrapped.
     let stderr = stderr.split_whitespace().collect::<Vec<_>>().join(" ");
     for text in texts.iter().chain(&["hint: "]) {
         assert!(stderr.contains(text), "{arguments:?} does not say {text:?}: {stderr}");

@@ -1,5 +1,4 @@
-//! Tests of comparing and replaying flights: `noctograph compare`, `noctograph fly --setpoints`,
-//! and plots.
+//! Tests of `noctograph compare`, `noctograph fly --setpoints`, and plots.
 
 use nalgebra::Vector3;
 use noctograph::flight::FlightSample;
@@ -29,8 +28,8 @@ fn fly_prints_lag_and_contour_error() {
         noctograph(folder.path()).args(["fly", "plan.csv", "--scene", "team"]).assert().success();
     run.stdout(predicate::str::contains("lag ").and(predicate::str::contains("contour error")));
     let flight = &run_json(folder.path(), &["fly", "plan.csv", "--scene", "team"])["flight"];
-    // The expected lag consists of the gains' lag behind a ramp, 0.46 s, and of setpoints that are
-    // held for 0.1 s.
+    // The expected lag consists of the lag of these gains behind a ramp, 0.46 s, and that of
+    // setpoints held for 0.1 s.
     let lag_s = flight["lag_s"].as_f64().unwrap();
     assert!((0.4..0.7).contains(&lag_s), "trails by {lag_s} s");
     let contour_m = flight["contour"]["mean_m"].as_f64().unwrap();
@@ -58,8 +57,8 @@ fn a_replay_of_a_replay_is_the_same_flight() {
         largest(&comparison["rmse_m"])
     };
     // A log that holds each setpoint from the sample at which it was sent is replayed exactly. A
-    // log whose design is interpolated between setpoints leads by half their interval, which is 50
-    // ms or 10 mm of path.
+    // log whose design is interpolated between setpoints leads by half of their interval, which is
+    // 50 ms or 10 mm along the path.
     assert_eq!(apart_m("twice.csv"), 0.0);
     assert!((0.002..0.010).contains(&apart_m("flight.csv")), "{} m", apart_m("flight.csv"));
 }
@@ -122,7 +121,7 @@ fn files_that_cannot_be_compared_or_flown_are_refused() {
     let flight = std::fs::read_to_string(folder.path().join("flight.csv")).unwrap();
     let head = flight.lines().next().unwrap();
     let empty = format!("{head}\n");
-    // For one second on the floor without setpoints, all columns except the time are 0.
+    // During one second on the floor without setpoints, all columns except the time are 0.
     let zeros = ",0".repeat(head.split(',').count() - 1);
     let nowhere = format!("{head}\n0{zeros}\n1{zeros}\n");
     let files = [("a.csv", &flight[..]), ("empty.csv", &empty), ("nowhere.csv", &nowhere)];
@@ -145,7 +144,7 @@ fn files_that_cannot_be_compared_or_flown_are_refused() {
     noctograph(folder.path()).args(["fly", "a.csv", "--setpoints", "a.csv"]).assert().code(2);
 }
 
-/// Returns an arc of 60 samples with a gap of half a second, which is `up_m` above its design.
+/// Returns an arc of 60 samples with a gap of half a second, at a height `up_m` above its design.
 fn bow(name: &str, up_m: f64) -> NamedFlight {
     let samples = (0..60).filter(|k| !(30..40).contains(k)).map(|k| {
         let time_s = f64::from(k) * 0.05;

@@ -9,7 +9,7 @@ use noctograph::sim::{Drone, EstimatorKind, bounds, fly_fleet, writing_sigma_m};
 
 use crate::cli::{fails, noctograph, run_json};
 
-/// Returns the RMS position error over lit samples after 2 s, in m, and the mean NEES.
+/// Returns the RMS position error, in m, and the mean NEES over the lit samples after 2 s.
 fn errors(flights: &[Flight]) -> (f64, f64) {
     let (mut square, mut nees, mut n) = (0.0, 0.0, 0.0);
     for flight in flights {
@@ -48,8 +48,8 @@ const FLOOR: &str = "two-drones-three-anchors-and-floor";
 
 #[test]
 fn three_anchors_and_a_fifth_link_place_two_drones_as_the_table_says() {
-    // The values are those of docs/cooperative.md over 16 seeds, with tolerance because this test
-    // uses six.
+    // The expected values are those of docs/cooperative.md over 16 seeds. The tolerance is needed,
+    // because this test uses only six.
     let barometer = [
         ("sensors.heights", "[\"barometer\"]"),
         ("sensors.barometer.drift_m_sqrt_s", "0.0"),
@@ -96,7 +96,7 @@ fn a_filter_is_as_consistent_on_the_floor_as_in_the_air() {
 fn one_to_six_drones_with_three_anchors_stand_on_their_bound() {
     for n in 1..=6_usize {
         let n_drones = n.to_string();
-        // The word has a letter for each drone, because every drone writes at least one.
+        // The word contains a letter for each drone, because every drone writes at least one.
         let settings =
             [("word", "NOORNO"), ("plan.drones", n_drones.as_str()), ("sensors.uwb.heard", "[]")];
         let scene = Scene::find(FIVE_LINKS, &settings).unwrap().scene;
@@ -105,7 +105,7 @@ fn one_to_six_drones_with_three_anchors_stand_on_their_bound() {
         let plans: Vec<_> = shoot.plans.iter().map(|planned| &planned.plan).collect();
         assert_eq!(plans.len(), n, "all fly");
         let bound_m = writing_sigma_m(&bounds(&plans, &options).unwrap(), None).unwrap();
-        // The result must be within 12 % of docs/cooperative.md, which was measured over 16 seeds.
+        // The result must be within 12 % of that for 16 seeds in docs/cooperative.md.
         let (error_m, nees) = flown(FIVE_LINKS, &settings, 0..4);
         assert!(error_m < 1.3 * bound_m, "{n} drones: {error_m} m, bound {bound_m} m");
         assert!((0.75..1.3).contains(&nees), "{n} drones: NEES {nees}");
@@ -125,8 +125,7 @@ fn sharing_estimates_is_worse_than_sharing_measurements_and_believes_too_much() 
     assert_eq!(deaf.0, nothing_m, "without a message nothing can be known of the others");
 }
 
-/// Returns flights of the common word by drones whose noise and anchors are those of the given
-/// indices.
+/// Returns flights of the word by drones with the noise and anchors of the given indices.
 fn as_named(indices: [u64; 2]) -> Vec<Flight> {
     let scene = Scene::find(FLOOR, &[]).unwrap().scene;
     let options = scene.sim();
@@ -156,8 +155,8 @@ fn a_drone_alone_flies_as_with_the_single_filter_bit_for_bit() {
             ("sensors.uwb.heard", "[]"),
             ("sensors.heights", "[\"time-of-flight\", \"barometer\"]"),
             ("observer.cooperative.start_tilt_rad", "0.02"),
-            // The gate is opened, because the filter of a single drone may reject a link forever,
-            // whereas the fleet's filter accepts it again.
+            // The outlier gate is opened, because a single drone's filter may reject a link
+            // forever, whereas the fleet's filter accepts it again.
             ("observer.ekf.gate_sigmas", "1e6"),
         ];
         let mut scene = Scene::find(FLOOR, &settings).unwrap().scene;
@@ -200,8 +199,7 @@ fn fleets_that_cannot_be_are_refused_with_the_reason() {
 const ANCHORS: [[f64; 3]; 5] =
     [[-2.5, -2.5, 2.4], [2.5, -2.5, 0.2], [0.5, 2.5, 2.4], [-2.5, 2.5, 0.2], [2.5, 2.0, 2.4]];
 
-/// Returns a noise-free log of ranges to the anchors in turn, the anchors' file and the true
-/// flight.
+/// Returns a noise-free log of ranges to each anchor in turn, the anchors, and the true flight.
 pub(crate) fn recorded() -> [(&'static str, String); 3] {
     let (mut log, mut held) = ("row,timestamp".to_owned(), [0.0; 5]);
     (0..5).for_each(|anchor| write!(log, ",ranging.distance{anchor}").unwrap());
@@ -281,7 +279,7 @@ fn every_observer_reads_a_log_that_holds_the_motion() {
 #[test]
 fn a_fleet_that_is_lost_says_which_drone() {
     let folder = tempfile::tempdir().unwrap();
-    // Ranges with errors of meters make a drone turn over.
+    // A drone turns over if its ranges have errors of meters.
     let lost = ["preview", "--scene", FIVE_LINKS, "--set", "sensors.uwb.bias_m=2"];
     let lost = noctograph(folder.path()).args(lost).assert().code(2);
     lost.stderr(predicates::str::contains("drone 1: the drone turns over after"));

@@ -1,5 +1,5 @@
-//! Tests of the ranking of a class, in which a submission that cheats or is invalid is refused by
-//! name and does not affect the others.
+//! Tests of ranking the submissions of a class. A submission that cheats or is invalid is refused
+//! by name, and does not affect the others.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ const HONEST: [(&str, &str); 3] = [
     ("bert", "preset = \"cf-brushless\"\n[controller]\nkind = \"pid\"\n"),
     ("cleo", "[controller]\nlqr.r = [1e9, 1e9, 1e9, 1e9]\n"),
 ];
-/// Submissions that would win without flying better, with the reason for which they are refused.
+/// Submissions that would win without flying better, with the reasons for which they are refused.
 const CHEATS: [(&str, &str, &str); 6] = [
     ("picture", "photo.background = \"tea.png\"", "photo.background differs from the task's"),
     ("shutter", "camera.shutter_close_s = 1.2", "camera.shutter_close_s differs from the task's"),

@@ -1,4 +1,4 @@
-//! Tests of `noctograph coverage`, and of flights with other sensors, by the command line.
+//! Tests of `noctograph coverage` and of flights with other sensors on the command line.
 
 use predicates::str::contains;
 

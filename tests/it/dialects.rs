@@ -1,6 +1,6 @@
-//! Tests of logs of simulated flights of several letters in every dialect, which are intact,
-//! truncated, or corrupt in typical ways. Each import gives the logged flight, a warning, or an
-//! error with a hint, but never a panic or wrong numbers.
+//! Tests of logs in every dialect, made from simulated flights of several letters. The logs are
+//! intact, truncated, or corrupt in typical ways. Each import yields the logged flight, a warning,
+//! or an error with a hint, but never a panic or wrong numbers.
 
 use std::fmt::Write;
 
@@ -12,7 +12,7 @@ use noctograph::logs::{Damaged, ImportOptions, import};
 use noctograph::plan::{PlanOptions, plan};
 use noctograph::sim::{Drone, SimOptions, fly};
 
-/// Returns the flight of a word with 100 samples per second.
+/// Returns the flight of a word, sampled at 100 Hz.
 pub(crate) fn flown(word: &str) -> Flight {
     let strokes = write(word, &LetterOptions::default()).unwrap();
     let plan = plan(&strokes, &PlanOptions::default()).unwrap();
@@ -57,7 +57,7 @@ pub(crate) const FIRMWARE: [&[Variable]; 4] = [
     ],
 ];
 
-/// Variables of the course AE483, with the names `o_x` and `p_x` of different years.
+/// Variables of the course AE483, in which the names `o_x` and `p_x` come from different years.
 const COURSE: [&[Variable]; 3] = [
     &[
         ("ae483log.p_x", |s| s.position_m.x),
@@ -82,8 +82,7 @@ fn stamp_ms(sample: &FlightSample) -> f64 {
     (sample.time_s * 1e3).round() + 40_000.0
 }
 
-/// Returns the members of a JSON log, which contain each variable with the samples that were not
-/// lost.
+/// Returns the members of a JSON log, each with a variable's samples that were not lost.
 pub(crate) fn json(
     flight: &Flight,
     blocks: &[&[Variable]],
@@ -243,7 +242,7 @@ fn table(flight: &Flight, head: &str, cells: Cells) -> String {
     text
 }
 
-/// Writes files into a folder and imports the folder, or its only file.
+/// Writes files into a folder, and imports the folder or its only file.
 fn imported(files: &[(&str, &[u8])], options: &ImportOptions) -> Result<Flight, Error> {
     let folder = tempfile::tempdir().unwrap();
     for (name, bytes) in files {
@@ -259,8 +258,8 @@ fn read(name: &str, bytes: &[u8]) -> Result<Flight, Error> {
     imported(&[(name, bytes)], &ImportOptions::default())
 }
 
-/// Returns the largest distance of an imported flight from the logged flight, in m, and checks that
-/// all numbers are finite.
+/// Checks that all numbers of an imported flight are finite, and returns its largest distance from
+/// the logged flight in m.
 fn farthest_m(found: &Flight, logged: &Flight) -> f64 {
     let start_s = logged.samples[0].time_s;
     assert!(found.samples.windows(2).all(|pair| pair[0].time_s < pair[1].time_s), "time rises");
@@ -319,8 +318,7 @@ fn letters_come_back_from_every_dialect() {
     }
 }
 
-/// Truncates every log at many places. The remaining part is read with a warning, or refused with
-/// the place.
+/// A log truncated at any position is read with a warning, or refused with the place.
 #[test]
 fn logs_cut_off_anywhere_are_read_that_far_or_refused() {
     let mut flight = flown("K");
@@ -355,7 +353,7 @@ fn logs_cut_off_anywhere_are_read_that_far_or_refused() {
     }
 }
 
-/// Expected result of importing a changed file.
+/// Expected result of importing a modified file.
 enum Outcome {
     /// The unchanged flight.
     Same,
@@ -389,14 +387,14 @@ fn check(name: &str, what: &str, bytes: &[u8], wanted: &Outcome, logged: &Flight
     }
 }
 
-/// Returns the text with its line `n`, counted from 0, changed.
+/// Returns the text with a change of line `n`, counted from 0.
 fn line(text: &str, n: usize, change: impl Fn(&str) -> String) -> String {
     let lines = text.lines().enumerate();
     let lines = lines.map(|(i, line)| if i == n { change(line) } else { line.to_owned() });
     lines.collect::<Vec<_>>().join("\n") + "\n"
 }
 
-/// Returns the text with a cell of a line replaced, both counted from 0.
+/// Returns the text with a cell replaced. Line and column are counted from 0.
 fn cell(text: &str, n: usize, column: usize, with: &str) -> String {
     line(text, n, |line| {
         let mut cells: Vec<&str> = line.split(',').collect();
@@ -545,7 +543,7 @@ fn broken_usd_logs_are_refused_or_recovered() {
             found.warnings
         );
 
-        // The offset is that of the first record of sample 200. Each sample takes four record heads
+        // This is the offset of sample 200's first record. Each sample takes four record headers
         // and 44 bytes of values.
         let record = n_head + 200 * (4 * if version == 1 { 6 } else { 10 } + 44);
         let unknown = changed(record, &999_u16.to_le_bytes());

@@ -1,6 +1,6 @@
-//! Compares digests of several flights with `golden/flight/digests.txt`, because every build on
-//! every machine must simulate the same bits with any number of threads. The plan is given by a
-//! formula, so that only changes of the simulator change the digests.
+//! Compares digests of several flights with `golden/flight/digests.txt`, because the simulation
+//! must be identical bit by bit in every build, on every machine, with any number of threads. The
+//! plan is given by a formula, so that only changes of the simulator affect the digests.
 
 use std::fmt::Write;
 
@@ -13,7 +13,7 @@ use noctograph::vehicle::{AirOptions, Gusts};
 
 use crate::golden::assert_golden;
 
-/// Returns a preset's drone in still air, with the reference team's regulator, observer and
+/// Returns the drone of a preset in still air, with the reference team's regulator, observer and
 /// sensors.
 fn drone(preset: Preset) -> SimOptions {
     let mut sim = Scene::preset(preset).sim();

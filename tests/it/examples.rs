@@ -1,12 +1,12 @@
 //! Runs the examples of `noctograph VERB --help` unchanged, in the order of the verbs, in one
-//! folder that contains the files which a user has to provide.
+//! folder with the files that a user must provide.
 
 use std::path::Path;
 
 use crate::cli::{noctograph, verbs};
 use crate::cooperation::recorded;
 
-/// Writes the files that the examples read and no example writes.
+/// Writes the files that the examples read but no example writes.
 fn bring(folder: &Path) {
     for (name, text) in recorded().into_iter().filter(|(name, _)| *name != "flight.csv") {
         std::fs::write(folder.join(name), text).unwrap();
@@ -29,8 +29,7 @@ fn examples(folder: &Path, verb: &str) -> Vec<String> {
     lines.map(str::to_owned).collect()
 }
 
-/// Returns a layout path that does not exist in the JSON object, which the printer prints
-/// unchanged.
+/// Returns a layout path that does not exist in the JSON object and is therefore printed unchanged.
 fn unknown_path(printed: &[u8]) -> Option<String> {
     let text = String::from_utf8_lossy(printed);
     let braces = text.split('{').skip(1).filter_map(|rest| Some(rest.split_once('}')?.0));

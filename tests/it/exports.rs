@@ -60,7 +60,7 @@ fn stations_and_anchors_outside_the_room_stop_the_flight() {
         assert_eq!(frame["severity"], severity, "{places:?}: {frame}");
         assert!(outside == 0 || code == 1);
     }
-    // A geometry file of cfclient is used from the check to the export.
+    // A geometry file of cfclient is used by both the check and the export.
     let yaml = "geos:\n  0:\n    origin: [-2.7, -2.4, 3.1]\n    rotation: [[0.6265, -0.6644, 0.4076], \
                 [0.5569, 0.7474, 0.3623], [-0.5453, 0.0, 0.8382]]\n  1:\n    origin: [2.9, 2.2, 3.1]\n    \
                 rotation: [[-0.6693, 0.6044, -0.4321], [-0.5078, -0.7967, -0.3278], [-0.5424, 0.0, \
@@ -112,9 +112,9 @@ fn a_word_too_large_for_every_camera_in_a_room_is_stopped_and_no_picture_is_prom
     let at = folder.path();
     for (room, canvas_m, severity) in [
         ("4x3x2.5", Some("[3, 1.3]"), "stop"),
-        // Lenses other than the scene's 35 mm show the word.
+        // Lenses other than the scene's 35 mm lens can show the word.
         ("4x6x2.5", Some("[3, 1.3]"), "warning"),
-        // A word that is fitted to the room is as large as the camera can show from inside.
+        // A word that is fitted to the room is as large as a camera inside the room can show.
         ("2x2x2", None, "fine"),
         ("4x3x2.5", None, "fine"),
         ("4x6x2.5", None, "fine"),
@@ -170,7 +170,7 @@ fn one_rule_says_whether_the_battery_lasts() {
     assert!((full["limit"].as_f64().unwrap() - least_v).abs() < 0.01, "{full}, {low}");
     assert!(low["value"].as_f64().unwrap() < least_v && least_v < full["value"].as_f64().unwrap());
     assert!(low["found"].as_str().unwrap().contains("3.02 V at the highest load"), "{low}");
-    // The exported script requires the voltage for its own flight, which is that of the trajectory.
+    // The exported script requires the voltage that its own flight, that of the trajectory, needs.
     let to = ["export", "NOOR", "--to", "crazyswarm2", "-o", "swarm"];
     let (code, ..) = run(at, &to);
     assert_eq!(code, 0);
@@ -206,7 +206,7 @@ fn crazyswarm2_flies_the_scenes_controller_or_nothing() {
         lights_s.push(lit[0].as_f64().unwrap() - drone["start_s"].as_f64().unwrap());
         std::fs::remove_dir_all(at.join("swarm")).unwrap();
     }
-    // The lights are delayed for the PID controller, which lags behind.
+    // The lights are delayed, because the PID controller lags behind.
     assert!((0.15..0.9).contains(&(lights_s[0] - lights_s[1])), "{lights_s:?}");
     let to = ["export", "NOOR", "--to", "crazyswarm2", "--unchecked", "--tolerance", "30"];
     let (code, _, said) = run(at, &[&to[..], &["--set", "controller.kind=lqr"]].concat());
@@ -252,7 +252,7 @@ fn every_name_that_crazyswarm2_is_told_is_the_firmwares() {
     );
 }
 
-/// A drone show in the form in which a viewer plays it.
+/// A drone show as a viewer plays it.
 struct Show {
     points: Vec<(f64, [f64; 3], Vec<[f64; 3]>)>,
     /// Times in s, each with the color from that time on.
@@ -279,7 +279,7 @@ impl Show {
         Self { points, lights: Self::play(&program), yaw_deg }
     }
 
-    /// Interprets a light program of Skybrush. The commands are 4 (color), 6 (black) and 7 (white),
+    /// Interprets a Skybrush light program. Its commands are 4 (color), 6 (black) and 7 (white),
     /// each with a duration in steps of 20 ms, and 0 (end).
     fn play(program: &[u8]) -> Vec<(f64, [u8; 3])> {
         let (mut at, mut steps, mut lights) = (0, 0_u64, Vec::new());
@@ -342,7 +342,7 @@ fn a_skybrush_show_is_lit_on_the_strokes_of_the_same_file_in_a_color_that_shows(
         lit.len() >= 4 && lit.iter().all(|[r, g, b]| *r == 255 && *g < 60 && *b < 60),
         "{lit:?}"
     );
-    // The two stems and the bar of H, and the I, must begin and end where the plan has them.
+    // The two stems and the bar of the H, and the I, must begin and end at the plan's positions.
     noctograph(at).args(["plan", "HI", "-o", "plan.csv"]).assert().success();
     let plan = std::fs::read_to_string(at.join("plan.csv")).unwrap();
     let head: Vec<&str> = plan.lines().next().unwrap().split(',').collect();
@@ -382,8 +382,7 @@ fn every_format_takes_the_smallest_word() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     for format in ["cflib", "compressed", "poly4d", "crazyswarm2", "skyc", "vviz"] {
-        // `--unchecked` is needed, because `check` stops the flight of a dot, which is too small
-        // for a camera.
+        // `--unchecked` is needed, because `check` stops a dot, which is too small for the camera.
         let arguments = ["export", ".", "--unchecked", "--to", format, "-o", format];
         let (code, report, said) = run(at, &arguments);
         assert_eq!(code, 0, "{format}: {report} {said}");

@@ -1,5 +1,5 @@
-//! Compares the verdict on ten faults at six levels with `golden/score/faults.txt`. The photographs
-//! are made by the simulator, its lamps and its camera, with three words per cell.
+//! Compares the verdicts on ten faults at six levels with `golden/score/faults.txt`. The
+//! photographs are simulated, with three words per cell of the table.
 //!
 //! `cargo run --release --example faults -- sheet` shows the photographs.
 
@@ -26,9 +26,9 @@ fn every_fault_takes_probability_level_by_level() {
     assert!(clean > 0.8, "clean: {clean}");
     for (fault, lines) in FAULTS.iter().zip(lines[2..].chunks(LEVELS)) {
         let falling: Vec<f64> = lines.iter().map(|line| probability(line)).collect();
-        // Readability may rise slightly from one level to the next: near the readability of clean
-        // words because of the photo's noise, and because a letter with one half missing may be
-        // less conclusive than one with two thirds missing.
+        // The readability may rise slightly from one level to the next. Near the readability of
+        // clean words, the cause is the photo's noise. In addition, a letter with one half missing
+        // may be less conclusive than one with two thirds missing.
         let gain = falling.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::MIN, f64::max);
         assert!(gain <= 0.12, "{}: {falling:?}, a worse level gains {gain}", fault.name);
         assert!(falling[LEVELS - 1] < 0.7, "{} at its worst: {falling:?}", fault.name);

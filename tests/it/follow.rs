@@ -12,8 +12,8 @@ use predicates::prelude::*;
 use crate::cli::{noctograph, run_json};
 use crate::dialects::FIRMWARE;
 
-/// Returns the log of a flight in the form that an exported script writes, sampled at 50 Hz, with
-/// lights at their changes.
+/// Returns the log of a flight as an exported script writes it, sampled at 50 Hz, with the lights
+/// when they change.
 fn lines(flight: &Flight) -> String {
     let mut text = "{\"noctograph\": {\"word\": \"NO\", \"firmware\": \"2026.08\"}}\n".to_owned();
     let mut lights: Vec<f64> = vec![-1.0; flight.lights.len()];
@@ -65,7 +65,7 @@ fn a_log_that_grows_leaves_photos_on_the_way_and_at_the_end_the_bytes_of_the_who
     let (folder, text) = flown();
     let path = |name: &str| folder.path().join(name);
     let run = followed(folder.path(), &["--plan", "plan.csv"]);
-    // The script starts later, and its writes end in the middle of lines.
+    // The script starts later, and writes parts of lines.
     std::thread::sleep(Duration::from_millis(300));
     let mut log = std::fs::File::create(path("log.jsonl")).unwrap();
     let mut photos: Vec<Vec<u8>> = Vec::new();
@@ -122,7 +122,7 @@ fn what_cannot_be_followed_is_refused_and_a_log_that_ends_early_is_read() {
     noctograph(folder.path()).args(import).assert().success().stderr(ends_early);
 }
 
-/// The photo of a log beside the promised one. Its clock, its place and its light differ.
+/// The log's clock, position and light differ from those of the previewed flight.
 #[test]
 fn a_flight_is_compared_with_the_promised_one_letter_by_letter() {
     let (folder, text) = flown();
@@ -134,7 +134,7 @@ fn a_flight_is_compared_with_the_promised_one_letter_by_letter() {
     assert_eq!((&flown["read"], flown["letters"].as_array().unwrap().len()), (&"NO".into(), 2));
     for letter in flown["letters"].as_array().unwrap() {
         let [promised, flown] = ["promised", "flown"].map(|side| &letter[side]);
-        // The log is that of the same flight, sampled at a tenth of its rate.
+        // The log is that of the same flight, at a tenth of its sample rate.
         for (key, tolerance) in [("lag_s", 0.02), ("contour_m", 2e-3), ("lit_s", 0.1)] {
             let [a, b] = [promised, flown].map(|side| side[key].as_f64().unwrap());
             assert!(a.is_finite() && (a - b).abs() < tolerance, "{key}: {letter}");

@@ -1,4 +1,4 @@
-//! Tests of files from other programs: light logs, the clocks of two logs, and guesses in `--json`.
+//! Tests of light logs and other foreign files, the clocks of two logs, and guesses in `--json`.
 
 use std::fmt::Write;
 
@@ -6,7 +6,7 @@ use predicates::prelude::*;
 
 use crate::cli::{noctograph, run_json};
 
-/// Returns a flight of 40 s as a table whose timestamps come from a clock with the given rate.
+/// Returns a 40 s flight as a table whose timestamps come from a clock with the given rate.
 fn table(ratio: f64) -> String {
     let mut text = "t,x,y,z\n".to_owned();
     for i in 0..=800 {
@@ -33,7 +33,7 @@ fn a_clock_ratio_stretches_the_drones_log_alone() {
         let (before_m, after_m) = (with("1"), with("84/85"));
         assert!(before_m > 0.05 && after_m < 0.003, "{pair:?}: {before_m} m, then {after_m} m");
     }
-    // If both logs are the same file, it cannot be determined which of them is the drone's.
+    // If both logs are the same file, the drone's log cannot be determined.
     let args = ["compare", "mocap.csv", "mocap.csv", "--align", "flown", "--clock-ratio", "84/85"];
     noctograph(folder.path()).args(args).assert().code(2).stderr(predicate::str::contains("clock"));
 }

@@ -1,10 +1,10 @@
 //! Tests of golden files under `golden/`, which are results that a person has inspected.
 //!
-//! Each stage has a golden file that is made from a fixed input instead of another stage's output,
-//! so that a change of one stage changes only its own golden file. The stages with golden files are
-//! flights (`digests`), films (`twins`), plots (`compare_flights`) and the verdict (`faults`). The
-//! picture `golden/photo/noor.png` covers the whole pipeline. The pictures in the documentation are
-//! illustrations, which only have to look like the results.
+//! Each stage has a golden file that is computed from a fixed input instead of another stage's
+//! output, so that a change of one stage affects only its own golden file. The stages with golden
+//! files are flights (`digests`), films (`twins`), plots (`compare_flights`) and the verdict
+//! (`faults`). The picture `golden/photo/noor.png` covers the whole pipeline. The pictures in the
+//! documentation are illustrations, which only need to resemble the results.
 //!
 //! `NOCTOGRAPH_BLESS=1 cargo test --release --test it` rewrites the golden files.
 
@@ -49,8 +49,7 @@ fn photograph(scene: Scene) -> Photo {
         backend: BackendChoice::Cpu,
         ..Shoot::new(scene).unwrap()
     };
-    // The shutter closes with the plan, which ends some milliseconds after the last sample of the
-    // flight.
+    // The shutter closes at the end of the plan, some milliseconds after the flight's last sample.
     let end_s = shoot.plans[0].plan.duration_s();
     shoot.scene.camera.shutter_close_s.get_or_insert(end_s);
     shoot.take(&|_, _| {}).unwrap().photo
@@ -82,8 +81,8 @@ fn golden_photo_of_noor() {
     }
 }
 
-/// Maximum mean ꟻLIP difference of an illustration. A change that a reader would notice is larger,
-/// and different noise is smaller.
+/// Maximum mean ꟻLIP difference of an illustration. A change that a reader would notice exceeds it,
+/// but different noise does not.
 const MAX_MEAN_FLIP: f64 = 0.05;
 
 /// Compares a photo with a picture in the documentation by a perceptual metric.

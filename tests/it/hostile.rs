@@ -1,5 +1,5 @@
-//! Tests of hostile input: endless files, times and numbers beyond any drone's, and photos that
-//! refer to files.
+//! Tests of hostile input, such as endless files, times and numbers beyond those of any drone, and
+//! photos that refer to files.
 
 use noctograph::photo::{self, Photo, PhotoData};
 
@@ -41,7 +41,7 @@ fn times_of_days_and_numbers_beyond_a_drones_world_are_refused() {
     fails(&["import", "l.csv", "--max-gap", "9"], &[("l.csv", wild)], &["x_m", "within"]);
 }
 
-/// Writes a photo whose scene is an arbitrary text.
+/// Writes a photo that contains an arbitrary text as its scene.
 fn photo_of(scene: &str, path: &std::path::Path) {
     let scene_toml = Some(scene.to_owned());
     let photo = Photo::made(PhotoData {
@@ -149,7 +149,7 @@ fn usage_and_figures_beyond_their_range_come_with_a_hint() {
     fails(&corners, &[("a.png", "no image")], &["a.png: found no PNG"]);
 }
 
-/// Runs the command under a limit of the shell (`ulimit`) as an ordinary user, because a limit on
+/// Runs the command under a shell limit (`ulimit`) as an ordinary user, because a limit on
 /// processes does not apply to the superuser.
 #[cfg(target_os = "linux")]
 fn limited(limit: &str, arguments: &str) -> (Option<i32>, String) {

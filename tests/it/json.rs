@@ -7,8 +7,7 @@ use serde_json::Value;
 
 use crate::cli::{json, noctograph};
 
-/// Headings of verbs with their commands, in an order in which each command finds the files that it
-/// reads.
+/// Headings of verbs with their commands, each of which finds files of earlier commands.
 const COMMANDS: [(&str, &str); 16] = [
     ("plan", "plan I --style even"),
     ("plan", "plan --drawing line.svg -o line.csv"),
@@ -84,8 +83,7 @@ fn every_key_of_json_is_documented_and_every_documented_one_is_printed() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// Returns the checks in `docs/reference/json.md`, which are the first column of the table of
-/// limits.
+/// Returns the checks in the first column of the table of limits in `docs/reference/json.md`.
 fn documented_checks() -> BTreeSet<String> {
     let page = include_str!("../../docs/reference/json.md");
     let (_, table) = page.split_once("| check | value | limit |\n|---|---|---|\n").unwrap();
@@ -110,9 +108,9 @@ fn every_check_is_documented_and_every_documented_one_is_made() {
         let findings = found["findings"].as_array().unwrap_or_else(|| panic!("{output:?}"));
         made.extend(findings.iter().map(|finding| finding["check"].as_str().unwrap().to_owned()));
     }
-    // This check appears only if a drone is lost, which depends on its tuning.
+    // This check appears only if a drone is lost, which depends on the tuning.
     made.insert("flight".to_owned());
-    // This check appears only if a file places base stations side by side.
+    // This check appears only if a file places the base stations side by side.
     made.insert("baseline".to_owned());
     assert_eq!(made, documented_checks());
 }

@@ -1,4 +1,4 @@
-//! Tests of fonts and drawings by the command line.
+//! Tests of fonts and drawings on the command line.
 
 use predicates::prelude::*;
 
@@ -13,7 +13,7 @@ fn a_drawing_is_flown_and_photographed_and_not_read() {
     std::fs::write(folder.path().join("logo.svg"), DRAWING).unwrap();
     let args =
         ["preview", "--drawing", "logo.svg", "--json", "--backend", "cpu", "--size", "320x180"];
-    // A higher canvas extends beyond the space that two base stations see.
+    // A higher canvas extends beyond the space that two base stations cover.
     let higher = ["--set", "letters.canvas_m=[3.2, 1.6]"];
     noctograph(folder.path()).args(args).args(higher).assert().code(1);
     std::fs::remove_dir_all(folder.path().join("noctograph-out")).unwrap();

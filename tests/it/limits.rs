@@ -1,11 +1,11 @@
 //! Tests of limits. Each verb reads each input at the largest accepted size, and then at sizes that
-//! grow fourfold from run to run until the input is refused. The program runs in a separate
+//! increase fourfold from run to run until the input is refused. The program runs in a separate
 //! process, which may use 300 MB of memory to refuse an input and 1 GB to accept one.
 //! `tests/fuzz/grow.rs` tests the readers separately.
 //!
 //! The test prints the table of `docs/reference/limits.md`. The test stops the first run of an
-//! input after 1 s of processor time, and later runs after a minute, because a run that takes as
-//! long has evidently accepted its input. With `NOCTOGRAPH_LIMITS=all` the first runs are
+//! input after 1 s of processor time, and later runs after a minute, because a run that takes that
+//! long has evidently accepted its input. With `NOCTOGRAPH_LIMITS=all`, the first runs are
 //! completed.
 #![cfg(target_os = "linux")]
 
@@ -16,19 +16,19 @@ use std::process::{Child, Command, Stdio};
 
 use crate::cli::noctograph;
 
-/// Processor time, in s, after which the first run of an input counts as accepted, and after which
-/// a larger input counts as accepted whose refusal is expected even on a slow machine.
+/// Processor times, in s, after which the first run of an input, and any later run, counts as
+/// having accepted it. A larger input is refused sooner, even on a slow machine.
 const AT_WORK_CPU_S: [f64; 2] = [1.0, 60.0];
 const REFUSED_MB: f64 = 300.0;
 const ACCEPTED_MB: f64 = 1000.0;
 /// Factor by which an input grows from run to run.
 const GROWTH: usize = 4;
-/// Clock ticks per second in the kernel's process statistics, on all known architectures.
+/// Number of clock ticks per second in the kernel's process statistics, on all known architectures.
 const TICKS_HZ: f64 = 100.0;
 
-/// What grows, the command in which `@` stands for the file and `@*N` for N copies of its name, the
-/// function that writes the file in a size, and the size of the first run, which is accepted or
-/// refused immediately.
+/// A case, which consists of a description of what grows, the command, the function that writes a
+/// file of a given size, and the size of the first run, which is accepted or refused immediately.
+/// In the command, `@` stands for the file, and `@*N` for N copies of its name.
 type Case = (&'static str, &'static str, fn(&Path, usize), usize);
 
 #[rustfmt::skip]
@@ -116,8 +116,7 @@ fn every_verb_is_bounded_where_it_refuses_and_where_it_accepts() {
     assert!(faults.is_empty(), "{faults}");
 }
 
-/// Time and memory of a run, its exit code (`None` if it was stopped while working), and its
-/// messages.
+/// Time and memory of a run, its exit code (`None` if it was stopped), and its messages.
 struct Took {
     cpu_s: f64,
     mb: f64,
@@ -127,7 +126,7 @@ struct Took {
 
 fn run(order: &str, write: fn(&Path, usize), size: usize, most_cpu_s: f64) -> Took {
     let folder = tempfile::tempdir_in("/dev/shm").unwrap();
-    // The file has the extension that the command gives it.
+    // The file is written with the extension that the command contains.
     let file = order.split([' ', '*']).find(|word| word.starts_with("@.")).unwrap_or("@");
     write(&folder.path().join(file.replacen('@', "a", 1)), size);
     let mut words = Vec::new();
@@ -157,8 +156,8 @@ fn run(order: &str, write: fn(&Path, usize), size: usize, most_cpu_s: f64) -> To
     Took { cpu_s, mb, code, said }
 }
 
-/// Returns the processor time in s and the peak memory of a process, which is watched until it ends
-/// or has used `most_cpu_s`.
+/// Returns the processor time, in s, and the peak memory of a process, which is monitored until it
+/// ends or has used `most_cpu_s`.
 fn measured(child: &mut Child, most_cpu_s: f64) -> (f64, f64) {
     let pid = child.id();
     let read = |name: &str| std::fs::read_to_string(format!("/proc/{pid}/{name}"));
@@ -171,7 +170,7 @@ fn measured(child: &mut Child, most_cpu_s: f64) -> (f64, f64) {
         }
         let stat = read("stat").unwrap();
         let fields: Vec<&str> = stat[stat.rfind(')').unwrap() + 2..].split(' ').collect();
-        // The processor time includes that of the children for which the process waited.
+        // The processor time includes that of child processes for which the process has waited.
         let ticks = fields[11..15].iter().map(|ticks| ticks.parse::<f64>().unwrap());
         let cpu_s = ticks.sum::<f64>() / TICKS_HZ;
         if fields[0] == "Z" {
@@ -238,7 +237,7 @@ fn table(path: &Path, header: &str, rows: impl Iterator<Item = String>) {
     rows.for_each(|row| writeln!(file, "{row}").unwrap());
 }
 
-/// Writes short strokes that are far from each other.
+/// Writes a drawing of short strokes that are far apart.
 fn svg(path: &Path, n: usize) {
     let at = |k: usize, step: usize, side: usize| k * step % side;
     let d: String =
@@ -282,7 +281,7 @@ fn png(path: &Path, pixels: usize) {
     stream.finish().unwrap();
 }
 
-/// Writes a sparse TIFF file of zeros, which takes no space on the disk.
+/// Writes a sparse TIFF file of zeros, which occupies no space on the disk.
 fn tiff(path: &Path, bytes: usize) {
     std::fs::write(path, b"II*\0\x08\0\0\0").unwrap();
     std::fs::OpenOptions::new().write(true).open(path).unwrap().set_len(bytes as u64).unwrap();
@@ -329,7 +328,7 @@ fn links(folder: &Path, n: usize) {
     }
 }
 
-/// Writes a flight at 200 Hz that writes one letter.
+/// Writes a flight of one letter, sampled at 200 Hz.
 fn flight(path: &Path, n: usize) {
     let header = "time_s,x_m,y_m,z_m,yaw_rad,pitch_rad,roll_rad,vx_body_m_s,vy_body_m_s,\
                   vz_body_m_s,wx_body_rad_s,wy_body_rad_s,wz_body_rad_s,x_estimate_m,y_estimate_m,\
@@ -351,7 +350,7 @@ fn light(path: &Path, n: usize) {
     table(path, "t,x,y,z,r,g,b", (0..n).map(row));
 }
 
-/// Writes a plan that hovers, with a setpoint every 50 ms.
+/// Writes a plan to hover, with a setpoint every 50 ms.
 fn plan(path: &Path, n: usize) {
     let header = "time_s,x_m,y_m,z_m,vx_m_s,vy_m_s,vz_m_s,ax_m_s2,ay_m_s2,az_m_s2,letter,\
                   light.headlights";

@@ -1,4 +1,4 @@
-//! Tests of `noctograph locate` on logs with different clocks, biased links and mirror images.
+//! Tests of `noctograph locate` with logs of different clocks, biased links and mirror images.
 //!
 //! The logs contain true ranges with noise from a fixed seed.
 
@@ -39,7 +39,7 @@ fn distance_m(a: [f64; 3], b: [f64; 3]) -> f64 {
     (0..3).map(|k| libm::pow(a[k] - b[k], 2.0)).sum::<f64>().sqrt()
 }
 
-/// A drone's log, with ranges to its anchors in turn and, after each round, to the other drone.
+/// A drone's log of ranges to each anchor in turn and, after each round, to the other drone.
 struct Log<'a> {
     drone: usize,
     anchors: &'a [usize],
@@ -131,8 +131,8 @@ fn arguments<'a>(n: usize, more: &[&'a str]) -> Vec<&'a str> {
     } else {
         &["--reference", "true-1.csv", "--reference", "true-2.csv"]
     };
-    // The axes are given, because the references never leave or reach the floor, which would show
-    // which axis is up.
+    // The axes are given, because the references never leave or reach the floor, from which the
+    // vertical axis could be inferred.
     let told = &["--anchors", "anchors.yaml", "--axes", "z-up"];
     let all = [&["locate"], logs, references, told, &SIGMA, more];
     all.concat()
@@ -147,8 +147,8 @@ fn rmse_m(json: &Value) -> Vec<f64> {
     rows.map(|row| row["rmse_3d_m"].as_f64().unwrap()).collect()
 }
 
-/// Returns the logs of two drones with ranges to anchors and to each other, of which the second
-/// begins `late_s` later.
+/// Returns two drones' logs of ranges to anchors and to each other. The second begins `late_s`
+/// later.
 fn two(late_s: f64, stamp: impl Fn(f64) -> String + Copy) -> [String; 2] {
     let one = Log { peer: true, anchors: &[0, 1, 2, 4, 6], ..Log::default() };
     let two = Log { drone: 1, from_s: late_s, seed: 4, ..one };

@@ -1,4 +1,4 @@
-//! Tests of gaps in a flight's log, which are stored in the flight and in its photo, so that a
+//! Tests of gaps in a flight's log. Gaps are stored in the flight and in its photo, so that a
 //! stroke lost in a gap is not attributed to the lamps.
 
 use std::path::Path;
@@ -40,7 +40,7 @@ fn a_gap_of_a_log_travels_into_the_advice_and_the_lamps_are_not_blamed() {
     assert!(read.gaps.len() == 1 && (read.gaps[0][0] - from_s).abs() < 0.02, "{gaps}");
     assert!(read.samples.iter().any(|sample| sample.letter == Some(1)));
 
-    // The photo of the log contains its word and its gap, and so does the flight if it is passed.
+    // The photo of the log contains the word and the gap, and so does the flight if it is passed.
     let exposed = ["expose", "log.json", "--word", "NO"];
     noctograph(folder.path()).args(exposed).args(SMALL).assert().success();
     for more in [&[][..], &["--flight", "log.json"], &["--flight", "flown.csv"]] {
@@ -74,8 +74,8 @@ fn check_verdict(verdict: &Value, middle: &FlightSample, gap_s: [f64; 2]) {
     }
 }
 
-/// The attitude moves the lamps only by millimeters, so that nothing is dark if only the attitude
-/// is missing.
+/// The attitude moves the lamps by only a few millimeters, so no light is omitted if only the
+/// attitude is missing.
 #[test]
 fn a_gap_of_the_attitude_alone_leaves_no_gap_in_the_flight() {
     let (folder, flight) = (tempfile::tempdir().unwrap(), flown("NO"));

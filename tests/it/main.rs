@@ -1,7 +1,7 @@
 //! Integration tests of the command and of the library.
 //!
-//! Two environment variables control the tests: with `NOCTOGRAPH_REQUIRE_GPU` a missing graphics
-//! device is a failure, and `NOCTOGRAPH_BLESS=1` rewrites the golden files.
+//! Two environment variables control the tests. With `NOCTOGRAPH_REQUIRE_GPU`, a missing graphics
+//! device is a failure. `NOCTOGRAPH_BLESS=1` rewrites the golden files.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::disallowed_methods, reason = "a test reads what it wrote")]
 

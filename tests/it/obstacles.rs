@@ -26,7 +26,7 @@ fn each_obstacle_is_named_before_the_letters() {
     assert!(bright.code == "overexposed", "{bright:?}");
     let dark = first(&[("camera.f_number", "256"), ("camera.iso", "1")]);
     assert!(dark.code == "underexposed", "{dark:?}");
-    // The camera is behind the drone, whose nose and headlights point away along x.
+    // The camera is behind the drone, whose headlights point away from it.
     let behind = [
         ("camera.framing.kind", "fixed"),
         ("camera.framing.position_m", "[-4.0, -0.3, 0.75]"),

@@ -1,5 +1,4 @@
-//! Tests of output files, with other objects at the path of a file, and with interruptions of the
-//! writing.
+//! Tests of output files if another object exists at a file's path, or if writing is interrupted.
 #![cfg(target_os = "linux")]
 
 use std::io::{Read, Write};
@@ -145,8 +144,8 @@ fn a_disk_that_fills_up_leaves_the_old_files() {
 /// writes.
 type Fills<'a> = (&'a str, &'a [&'a str], &'a [&'a str], &'a [&'a str]);
 
-/// A limit on the file size simulates a disk that fills up between two files of one run. In a
-/// second case, a folder occupies the name of the last file.
+/// A limit on the file size simulates a disk that fills up between two files of a run. In a second
+/// case, the last file's name is that of a folder.
 #[test]
 fn the_files_of_a_study_are_of_one_run() {
     let folder = tempfile::tempdir().unwrap();
@@ -206,8 +205,8 @@ fn a_folder_that_may_not_be_written_is_left_as_it_is() {
     };
     mode(folder.path(), 0o755);
     mode(&closed, 0o555);
-    // The superuser may write everywhere, so that the program runs as the user nobody, from a
-    // folder which nobody can access.
+    // The superuser may write everywhere, so the program runs as the user `nobody`, from a folder
+    // that this user can access.
     let superuser = std::fs::write(closed.join("probe"), "").is_ok();
     let program = folder.path().join("program");
     if superuser {
@@ -238,8 +237,8 @@ fn preview(folder: &Path, out: &str, seed: &str) -> Command {
     command
 }
 
-/// A preview that is killed at ten points of its run leaves either the files of the previous run or
-/// its own. The next run removes its temporary files.
+/// A preview that is killed at any of ten times leaves either the files of the previous run or its
+/// own. The next run removes its temporary files.
 #[test]
 fn a_signal_at_any_point_leaves_whole_files() {
     let folder = tempfile::tempdir().unwrap();
@@ -288,8 +287,8 @@ fn with_a_pipe(folder: &Path) -> std::fs::File {
     std::fs::remove_file(&pipe).unwrap();
     let made = Command::new("mkfifo").arg(&pipe).status().unwrap();
     assert!(made.success(), "a pipe in the folder");
-    // The pipe is also opened for writing, so that it opens before the preview opens it, and does
-    // not end when the preview closes it.
+    // The pipe is also opened for writing, so that opening it does not wait for the preview, and so
+    // that it does not end when the preview closes it.
     std::fs::OpenOptions::new().read(true).write(true).open(&pipe).unwrap()
 }
 

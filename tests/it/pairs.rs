@@ -1,5 +1,5 @@
-//! Tests of files that belong together, which are written completely or not at all, and read only
-//! if they are unchanged.
+//! Tests of files that belong together. They are written completely or not at all, and read only if
+//! they are unchanged.
 #![cfg(unix)]
 
 use std::path::Path;
@@ -118,7 +118,7 @@ fn a_scene_is_edited_freely_and_a_plan_with_a_word_of_its_author() {
     edit(&parent.join("a.scene.toml"), "room_m = [4.0, 6.0, 2.5]", "room_m = [5.0, 6.0, 2.5]");
     assert!(!wanted([5.0, 6.0, 2.5], &["a.csv"]).contains("warning"));
 
-    // The edit keeps the number but changes the bytes of the file.
+    // The edit preserves the number's value but changes the bytes of the file.
     edit(&parent.join("a.csv"), "\n0,", "\n0.0,");
     let said = refused(parent, &["check", "a.csv"]);
     assert!(said.contains("a.scene.toml is right only if you edited a.csv"), "{said}");
@@ -232,7 +232,7 @@ fn a_folder_is_read_with_the_files_that_it_was_written_with() {
 }
 
 /// A limit on the file size simulates a disk that is full when the scene is written, but not yet
-/// when its plan is.
+/// when its plan is written.
 #[test]
 fn a_full_disk_leaves_the_pair_of_before() {
     let folder = flown();
@@ -259,7 +259,7 @@ fn a_full_disk_leaves_the_pair_of_before() {
     assert!(before == after, "the pair of before");
 }
 
-/// A separate file system of several sizes fills up, if the system allows mounting one.
+/// A separate file system of several sizes fills up, if the test is allowed to mount one.
 #[test]
 fn a_disk_that_fills_up_leaves_whole_sets() {
     let folder = flown();
@@ -314,8 +314,8 @@ fn plan(folder: &Path, word: &[&str]) -> Command {
     command
 }
 
-/// True if the pair `p.csv` and its scene is one of the complete pairs. Checks that exactly a
-/// complete pair is accepted.
+/// True if `p.csv` and its scene form one of the complete pairs. Checks that the pair is accepted
+/// if and only if it is complete.
 fn check_pair(folder: &Path, whole: &[[String; 2]]) -> bool {
     let pair = ["p.csv", "p.scene.toml"].map(|name| text(&folder.join(name)));
     let is_whole = whole.contains(&pair);

@@ -1,5 +1,5 @@
-//! Tests of photographs by the command line: several drones, a camera from EXIF, a render over a
-//! photo, and equal bytes from every backend.
+//! Tests of photographs on the command line, of several drones, with a camera from EXIF, of a
+//! render over a photo, and with equal bytes from every backend.
 
 use std::path::Path;
 
@@ -31,7 +31,7 @@ fn write_streaks(folder: &Path) {
 fn several_flights_are_one_photo_and_the_meter_lists_each_drone() {
     let folder = tempfile::tempdir().unwrap();
     write_streaks(folder.path());
-    // The exposure is fixed, because the meter would open the aperture for the darker colors.
+    // The exposure is fixed, because the light meter would open the aperture for the darker colors.
     let exposure = ["--set", "camera.f_number=8"];
     let flags = ["--word", "NO", "--backend", "cpu", "--size", "320x180", "-o"];
     let expose = |flights: &[&str], name: &str| {
@@ -113,8 +113,7 @@ fn an_svg_is_written_in_its_colors_and_its_photo_is_a_scene() {
     let drawing = ["--drawing", "two.svg", "--size", "160x90", "-o", "one"];
     let first = again(&[&lamp[..], &drawing].concat());
     let photo = photo::read(&folder.path().join("one/photo.png")).unwrap();
-    // The halves are the differences of red and blue in the left and in the right half of the
-    // picture.
+    // `halves` is the difference of red and blue in each half of the picture.
     let mut halves = [0; 2];
     for (i, pixel) in photo.rgb8.chunks(3).enumerate() {
         halves[usize::from(i % 160 >= 80)] += i32::from(pixel[0]) - i32::from(pixel[2]);
@@ -153,8 +152,7 @@ fn a_drawing_that_fills_its_canvas_is_safe_and_its_colors_are_metered() {
     };
     let colored = metered("");
     assert!(colored["f_number"].is_number(), "{colored}");
-    // White from four dies is three stops brighter than orange, and may be two stops over
-    // saturation.
+    // White from four dies is three stops brighter than orange.
     let both = metered("<path d='M10 10 h4' stroke='#fff'/>");
     let stops = |found: &serde_json::Value| 2.0 * found["f_number"].as_f64().unwrap().log2();
     let less = stops(&both) - stops(&colored);
@@ -177,8 +175,7 @@ fn a_camera_from_a_photo_is_that_of_its_exif() {
             .scene_toml
             .unwrap()
     };
-    // A photo of this program contains EXIF but no sensor size, so that the size of the scene is
-    // kept.
+    // The EXIF data of this program's photos lacks the sensor size, so the scene's size is kept.
     run(&["--scene", "s.toml"], "taken.png");
     let scene = run(&["--camera-from", "taken.png", "--size", "160x120"], "again.png");
     for key in ["f_number = 11.0", "iso = 400.0", "shutter_close_s = 4.0", "width_px = 160"] {

@@ -1,4 +1,4 @@
-//! Tests of `plan` and `check` by the command line.
+//! Tests of `plan` and `check` on the command line.
 
 use std::path::Path;
 
@@ -116,7 +116,7 @@ fn a_plan_is_drawn_where_its_name_ends_in_svg() {
 fn a_plan_from_elsewhere_has_a_verdict_though_its_scene_cannot_be_planned() {
     let folder = tempfile::tempdir().unwrap();
     noctograph(folder.path()).args(["plan", "I", "-o", "plan.csv"]).assert().success();
-    // The style `team` plans for only one drone.
+    // The style `team` supports only one drone.
     let scene = ["--word", "QUIZ", "--style", "team", "--drones", "2", "--size", "320x180"];
     let mut preview = noctograph(folder.path());
     let preview = preview.args(["preview", "plan.csv", "--backend", "cpu"]).args(scene).assert();
@@ -137,8 +137,7 @@ fn letters_and_lights_are_recovered_from_setpoints() {
         infer_lights(&mut bare, &strokes).unwrap();
         let pairs = flown.lights["headlights"].iter().zip(&bare.lights["headlights"]);
         let wrong = pairs.filter(|(a, b)| a != b).count();
-        // At a corner where the light is switched off, the setpoint lies on both moves for an
-        // instant.
+        // At a corner where the light switches off, the setpoint is briefly on both moves.
         let share = wrong as f64 / flown.samples.len() as f64;
         assert!(share < 0.01, "{word}: {wrong} of {} samples", flown.samples.len());
     }

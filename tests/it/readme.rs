@@ -1,8 +1,8 @@
-//! Tests of README.md, whose commands have to run, and whose figures have to be printed by the
-//! program or measured by a page of `docs/`.
+//! Tests of README.md. Its commands must run, and its figures must be printed by the program or
+//! measured in a page of `docs/`.
 //!
-//! A block of `text` shows the output of a command, which is the last one of the preceding block of
-//! `sh`, or the block's first line after `$`. Lines may be omitted, which `...` indicates.
+//! A `text` block shows the output of a command, which is the last one in the preceding `sh` block,
+//! or the text block's first line after `$`. Lines may be omitted, which `...` indicates.
 //! `NOCTOGRAPH_BLESS=1 cargo test --release --test it readme` rewrites the lines that are shown.
 
 use std::path::{Path, PathBuf};
@@ -78,7 +78,7 @@ fn run(folder: &Path, words: &[String]) -> String {
     printed
 }
 
-/// Splits a table into entries, each of which is a line with the indented lines below it.
+/// Splits a table into entries, each of which consists of a line and the indented lines below it.
 fn entries(lines: &[String]) -> Vec<Vec<String>> {
     let mut entries: Vec<Vec<String>> = Vec::new();
     for line in lines {
@@ -180,7 +180,7 @@ fn unwrapped(path: &str) -> String {
     text_of(path).split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// Figures whose measurement takes hours are compared with the page that contains their table.
+/// Figures whose measurement takes hours are compared with the table in a page.
 #[test]
 fn the_figures_of_the_readme_are_those_of_the_documentation() {
     let readme = unwrapped("README.md");

@@ -1,4 +1,5 @@
-//! Compares the reference flight, "NOOR" as the team planned it, with an independent simulation.
+//! Compares the reference flight, in which "NOOR" is flown as the team planned it, with an
+//! independent simulation.
 
 use nalgebra::Vector3;
 
@@ -16,7 +17,7 @@ fn noor() -> Plan {
     plan(&strokes, &PlanOptions { extent: Extent::Letters, ..Default::default() }).unwrap()
 }
 
-/// Returns the position of a plan's design at a time.
+/// Returns the design's position at a time of a plan.
 fn design_m(plan: &Plan, time_s: f64) -> Vector3<f64> {
     let next = plan.setpoints.partition_point(|setpoint| setpoint.time_s <= time_s + 1e-9);
     plan.setpoints[next.max(1) - 1].design_m(time_s)
@@ -41,7 +42,7 @@ fn noor_on_one_grid() -> Plan {
     Plan::made(PlanData { setpoints, lights, ..PlanData::default() })
 }
 
-/// Returns options with ideal sensors, and the center of mass in the middle of the motors.
+/// Returns options with ideal sensors and the center of mass in the middle of the motors.
 fn undisturbed() -> SimOptions {
     SimOptions {
         vehicle: VehicleOptions { center_of_mass_m: [0.0, 0.0], ..Default::default() },
@@ -54,15 +55,15 @@ fn flown(options: &SimOptions, seed: u64) -> Flight {
     fly(&noor(), &Drone::new(options, seed), &mut |_| {}).unwrap()
 }
 
-/// Checks that the figures are within 2 % of an independent simulation (in SciPy, without noise and
-/// with held setpoints).
+/// Checks that the figures are within 2 % of those of an independent simulation (in SciPy, without
+/// noise and with held setpoints).
 fn assert_agrees(found: Vector3<f64>, want: [f64; 3]) {
     for (found, want) in found.iter().zip(want) {
         assert!((found - want).abs() <= 0.02 * want.abs() + 1e-6, "{found} against {want}");
     }
 }
 
-/// Flies on one grid, and returns the errors relative to the continuous design path.
+/// Flies the plan on one grid, and returns the errors relative to the design's continuous path.
 fn errors_on_one_grid(options: &SimOptions) -> (Vector3<f64>, Vector3<f64>) {
     let mut flight = fly(&noor_on_one_grid(), &Drone::new(options, 0), &mut |_| {}).unwrap();
     let noor = noor();
@@ -119,8 +120,8 @@ fn the_seed_decides_the_flight() {
     assert_ne!(flight, flown(&options, 2), "another seed, another flight");
 }
 
-/// Returns the RMS error of a whole simulated NOOR over eight seeds, computed as for the team's
-/// log: in the air, and relative to the current setpoint.
+/// Returns the RMS error of the whole simulated flight over eight seeds, computed as for the team's
+/// log, in the air and relative to the current setpoint.
 fn error_as_logged_m(options: &SimOptions, plan_options: &PlanOptions) -> Vector3<f64> {
     let strokes = write("NOOR", &LetterOptions::default()).unwrap();
     let plan = plan(&strokes, plan_options).unwrap();
@@ -139,8 +140,7 @@ fn error_as_logged_m(options: &SimOptions, plan_options: &PlanOptions) -> Vector
     (mean_sq.sum::<Vector3<f64>>() / 8.0).map(f64::sqrt)
 }
 
-/// RMS error of the real flight in the air, from the team's observer relative to its setpoints, in
-/// m.
+/// RMS difference between the team's observer and its setpoints in the air, in m.
 const REAL_ERROR_M: [f64; 3] = [0.097, 0.046, 0.059];
 
 #[test]
@@ -155,8 +155,8 @@ fn gusts_leave_the_error_of_the_real_flight_within_a_tenth() {
 
 #[test]
 fn the_real_pace_and_speed_stability_leave_it_within_a_sixteenth() {
-    // The team's script slept 0.1 s between setpoints and worked for 9 ms, which results in 0.18
-    // m/s.
+    // The team's script slept 0.1 s between setpoints and worked for 9 ms, which resulted in a
+    // speed of 0.18 m/s.
     let pace =
         PlanOptions { stroke_speed_m_s: 0.18, setpoint_interval_s: 0.109, ..Default::default() };
     let mut options = SimOptions::default();

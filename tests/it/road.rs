@@ -13,7 +13,7 @@ use noctograph::shoot::{Judging, Shoot, Shot};
 
 use crate::gpu_required;
 
-/// A photo of a word with its reading.
+/// A photo of a word, with its reading.
 struct Taken(Shot);
 
 fn take(word: &str, change: impl FnOnce(&mut Scene), backend: BackendChoice) -> Taken {
@@ -36,8 +36,8 @@ impl Taken {
         self.0.verdict.unwrap()
     }
 
-    /// Returns the number of saturated pixels in a box of the word's plane, and their mean x in m.
-    /// Only the headlights saturate in green.
+    /// Returns the number of saturated pixels in a box in the word's plane, and their mean x in m.
+    /// Only the headlights saturate the green channel.
     fn lit(&self, x_m: RangeInclusive<f64>, z_m: RangeInclusive<f64>) -> (usize, f64) {
         let width = self.film().width_px as usize;
         let saturation_lx_s = self.0.camera.saturation_lx_s();
@@ -59,7 +59,7 @@ impl Taken {
     }
 }
 
-/// Reduces the headlights to two bright points, without the surfaces that they illuminate.
+/// Reduces the headlights to two bright points that illuminate no surfaces.
 fn points(scene: &mut Scene) {
     let mut fixtures = scene.light.fixtures();
     fixtures.retain(|row| ["headlight left", "headlight right"].contains(&&*row.name));
@@ -74,7 +74,7 @@ fn a_displaced_center_of_mass_shifts_the_letters_left_by_7_cm() {
         scene.vehicle.center_of_mass_m = [0.0, 0.0];
     });
     let displaced = on_cpu("NOOR", points);
-    // The left stroke of the second O is designed at x = 0.2 m.
+    // In the design, the left stroke of the second O is at x = 0.2 m.
     let (_, balanced_m) = balanced.lit(0.15..=0.25, 0.7..=0.8);
     let (_, displaced_m) = displaced.lit(0.08..=0.18, 0.7..=0.8);
     let shift_m = displaced_m - balanced_m;
@@ -84,8 +84,7 @@ fn a_displaced_center_of_mass_shifts_the_letters_left_by_7_cm() {
 #[test]
 fn the_first_o_ends_its_bottom_early_and_n_has_a_lit_tail() {
     let taken = on_cpu("NOOR", points);
-    // The box of the first O extends from x = -0.2 m to 0.1 m, and is displaced by 7 cm to the
-    // left.
+    // The box of the first O extends from x = -0.2 m to 0.1 m, and appears 7 cm to the left.
     let (left, _) = taken.lit(-0.24..=-0.19, 0.45..=0.55);
     let (right, _) = taken.lit(-0.15..=0.0, 0.45..=0.55);
     assert!(left == 0 && right > 100, "bottom of the O: {left} px left, {right} px right");
@@ -115,8 +114,8 @@ fn a_dark_flight_reads_as_nothing() {
 
 #[test]
 fn clean_previews_of_the_teams_letters_read() {
-    // Because their lamps switch late, the team's I, J, U and W look like other letters, FED like
-    // PGD, and XYZ like XXZ. The board's LEDs are lit, and the ring is off.
+    // Because the lamps switch late, the team's I, J, U and W look like other letters, FED like
+    // PGD, and XYZ like XXZ. The board's LEDs are on, and the ring is off.
     for word in ["NOOR", "CAB", "GHOST", "LOCK", "MPQ"] {
         let verdict = on_cpu(word, |scene| scene.light.ring = RingEffect::Off).verdict();
         assert_eq!(verdict.read, word, "{verdict:#?}");
@@ -131,9 +130,9 @@ fn noor_reads_through_all_the_light_that_the_team_left_on() {
 
 #[test]
 fn the_light_of_the_board_shows_the_way_between_letters() {
-    // On the way from the take-off to the first letter the headlights are dark, so that only the
-    // blue power LEDs and the red status and link LEDs shine, and nothing is green. The ring, which
-    // the team left on, is off here, and the floor is black.
+    // Between take-off and the first letter, the headlights are dark. Only the blue power LEDs and
+    // the red status and link LEDs are lit, and none is green. The ring, which the team left on, is
+    // off here, and the floor is black.
     let light_lx_s = |led_bitmask| {
         let taken = on_cpu("NOOR", |scene| {
             scene.light.led_bitmask = led_bitmask;
@@ -172,7 +171,7 @@ const WORDS: &str = "NOOR HELLO LIGHT WORLD DRONE PAINT NIGHT HOUSE MOUSE QUIZ J
 const FONTS: [&str; 3] =
     ["ae483-fixed", "simplex", concat!(env!("CARGO_MANIFEST_DIR"), "/fonts/Roboto-Thin.ttf")];
 
-/// Previews words in style even. Returns each word, its probability, and its blind reading.
+/// Previews words in the style `even`. Returns each with its probability and blind reading.
 fn preview(words: &[&str], font: &str) -> Vec<(String, f64, String)> {
     let one = |word: &&str| {
         let change = |scene: &mut Scene| {

@@ -1,4 +1,4 @@
-//! Tests of the messages of `check`, `export`, `preview` and `meter` before a flight.
+//! Tests of the messages that `check`, `export`, `preview` and `meter` print before a flight.
 
 use std::path::Path;
 
@@ -42,7 +42,7 @@ fn a_plan_and_a_word_are_judged_against_the_room() {
     assert_eq!(finding(&small, "volume")["severity"], "stop");
     let (code, hall, _) = run(at, &["check", "plan.csv", "--room", "4x6x2.5"]);
     assert_eq!((code, &finding(&hall, "volume")["severity"]), (0, &"fine".into()));
-    // A word is fitted to its room, whereas letters of a given larger size are not.
+    // A word is fitted to its room, unless a larger size of the letters is given.
     for room in ["1.5x1.5x1", "2x2x2", "4x3x2.5", "5x2x2"] {
         let (code, word, _) = run(at, &["check", "HI", "--room", room]);
         assert_eq!(finding(&word, "volume")["severity"], "fine", "{room}");
@@ -56,8 +56,8 @@ fn a_plan_and_a_word_are_judged_against_the_room() {
     assert_eq!((code, wide_code), (1, 1), "a typed height is kept: {word}, {wide}");
 }
 
-/// The test measures how large the word is, and whether the Lighthouse stations in their default
-/// places see all of its flight.
+/// The test measures the size of the word, and checks that the Lighthouse stations in their default
+/// positions see its whole flight.
 #[test]
 fn a_word_is_as_large_as_its_room_and_is_seen_there() {
     let folder = tempfile::tempdir().unwrap();
@@ -74,7 +74,7 @@ fn a_word_is_as_large_as_its_room_and_is_seen_there() {
         let fills = [(right - left) / largest_m[0], (top - bottom) / largest_m[1]];
         let sides: Vec<f64> =
             room.trim_end_matches('m').split('x').map(|side| side.parse().unwrap()).collect();
-        // Otherwise the word is as large as a camera 0.3 m in front of the wall can show.
+        // Otherwise, the word is as large as a camera 0.3 m in front of the wall can show.
         let least_m = placement["cameras"][0]["least_m"].as_f64().unwrap();
         let shown = least_m / (0.5 * sides[1] - 0.3);
         let fills = [fills[0], fills[1], shown];
@@ -132,8 +132,7 @@ fn export_refuses_what_check_stops_and_a_script_that_is_forced_says_so() {
     assert_eq!(code, 0, "{report}");
     let second = script(&at.join("out.py")).0.lines().nth(1).unwrap().to_owned();
     assert!(second.starts_with("# EXPORTED UNCHECKED, NOT SAFE TO FLY: volume ("), "{second}");
-    // Exports that fly are checked, but gains and log configurations are not, because they fly
-    // nothing.
+    // Exports of flights are checked, but gains and log configurations are not.
     noctograph(at).args(["export", "HI", "--to", "cflib", "-o", "hi.py"]).assert().success();
     assert!(!script(&at.join("hi.py")).0.contains("UNCHECKED"));
     let gains = [&["export"], &large[..], &["--to", "gains", "-o", "gains.json"]].concat();
@@ -175,8 +174,8 @@ fn preview_of_a_flight_that_check_stops_exits_1_and_writes_its_photo() {
     assert!(at.join("out/photo.png").is_file());
 }
 
-/// The default scene's PID lags behind a trajectory by half a second, so that the lights have to be
-/// timed for it.
+/// The default scene's PID controller lags behind a trajectory by half a second, and the lights
+/// must be timed accordingly.
 #[test]
 fn the_lights_of_a_trajectory_are_timed_on_its_own_flight() {
     let folder = tempfile::tempdir().unwrap();
@@ -218,8 +217,8 @@ fn the_lights_of_a_trajectory_are_timed_on_its_own_flight() {
     let changes: Vec<f64> = changes.collect();
     assert_eq!(changes.len(), flown.len());
     for (previewed_s, flown_s) in changes.iter().zip(&flown) {
-        // The trajectory runs on the drone's slow clock, by which the script scales the times of
-        // its lights.
+        // The trajectory is timed by the drone's slow clock, so the script scales the times of its
+        // lights accordingly.
         let on_board_s = previewed_s * SLOW_CLOCK;
         assert!((on_board_s - flown_s).abs() < 1e-4, "{previewed_s} s, {flown_s} s");
     }
@@ -229,7 +228,7 @@ fn the_lights_of_a_trajectory_are_timed_on_its_own_flight() {
         serde_json::from_slice(&std::fs::read(at.join("noor.vviz")).unwrap()).unwrap();
     let colors = show["performances"][0]["payloadDescription"][0]["payloadActions"].as_array();
     let first = colors.unwrap().iter().position(|color| color["r"] != 0).unwrap();
-    // A viewer has no controller that lags, so that its lights are timed by the positions it shows.
+    // No controller lags in a viewer, so the lights are timed by the positions that it shows.
     let ahead_s = changes[0] - first as f64 / 20.0;
     assert!((0.15..0.9).contains(&ahead_s), "{first} of 20 Hz, {changes:?}");
 }
@@ -252,7 +251,7 @@ fn check_and_export_count_the_same_entries_of_the_timing_memory() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     let ring = ["--set", "plan.lights=[\"ring\"]", "--set", "light.ring=solid"];
-    // A stroke that is lit for longer than one memory entry can last takes two entries.
+    // A stroke that is lit for longer than an entry's maximum duration takes two entries.
     for (word, more, fits) in [
         ("I", &["--set", "plan.stroke_speed_m_s=0.02"][..], true),
         ("L", &["--set", "plan.stroke_speed_m_s=0.01"], true),
@@ -289,7 +288,7 @@ fn no_stroke_of_a_drawing_ends_with_a_flash_of_the_next_color() {
     let at = folder.path();
     std::fs::write(at.join("colors.svg"), COLORS).unwrap();
     let deck = ["--set", "light.deck=color-led"];
-    // With the positions of the design as setpoints, the drone lags behind, and its light is late
+    // If the design's positions are the setpoints, the drone lags behind, and its light is delayed
     // by the same time.
     let late = ["--set", "plan.reference=design", "--set", "letters.canvas_m=[1, 0.6]"];
     let late = [&late[..], &["--drawing", "colors.svg"]].concat();
@@ -303,7 +302,7 @@ fn no_stroke_of_a_drawing_ends_with_a_flash_of_the_next_color() {
         assert_eq!(values.len(), 6, "each stroke has a color and an end: {values:x?}");
         let colors = values.iter().copied().filter(|value| *value > 0);
         assert!(values.iter().skip(1).step_by(2).all(|value| *value == 0), "{values:x?}");
-        // Each color, blue, green or red, is identified by its strongest byte.
+        // Blue, green and red are distinguished by their strongest byte.
         let strongest =
             |color: u64| color.to_le_bytes().iter().enumerate().max_by_key(|it| it.1).unwrap().0;
         let mut shown: Vec<usize> = colors.map(strongest).collect();

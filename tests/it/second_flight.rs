@@ -1,5 +1,5 @@
-//! Tests that room, camera and drone are stored with plans, flights and logs, so that the second
-//! flight uses them.
+//! Tests that the room, the camera and the drone are stored with plans, flights and logs, so that a
+//! second flight uses them.
 
 use std::path::Path;
 
@@ -61,7 +61,7 @@ fn a_second_flight_is_in_the_room_of_the_first() {
         run_json(at, &[&["export", "HI2.csv"], &to[..], &["HI2.py"]].concat());
         assert_eq!(fence("HI2.py"), fence("HI.py"), "{flown}");
     }
-    // The scene of a custom controller has no room, so that the plan's room is kept.
+    // The scene of a custom controller has no room, so the plan's room is kept.
     run_json(
         at,
         &[&["export", "HI2.csv", "--word", "HI", "--scene", "pid"], &to[..], &["pid.py"]].concat(),
@@ -84,7 +84,7 @@ fn drones_that_share_a_word_share_its_room() {
     assert_eq!(checked["profile"]["room_m"], json!([4.0, 6.0, 2.5]));
     run_json(at, &["fly", "both/plan-1.csv", "both/plan-2.csv", "-o", "flown"]);
     assert_eq!(names_in(&at.join("flown")), ["flight-1.csv", "flight-2.csv", "scene.toml"]);
-    // Plans for two different rooms have no common scene.
+    // Plans for different rooms have no common scene.
     run_json(at, &["plan", "I", "-o", "elsewhere.csv"]);
     let both = noctograph(at).args(["check", "both/plan-1.csv", "elsewhere.csv"]).assert().code(2);
     let said = String::from_utf8_lossy(&both.get_output().stderr).into_owned();
@@ -112,7 +112,7 @@ fn a_plan_of_which_nothing_says_its_room_is_not_exported() {
     }
     export(&ROOM).success();
     assert_eq!(script(&at.join("HI2.py")).1["limits"]["fence_m"][1], json!([1.9, 2.6, 2.4]));
-    // The export is forced, and then repeated outdoors, where there are no walls.
+    // The export is forced, and then repeated outdoors, without walls.
     export(&["--unchecked"]).success();
     export(&["--profile", "outdoor"]).success();
 }

@@ -1,6 +1,6 @@
-//! Tests of `noctograph serve` over raw sockets: which requests are admitted, what a visitor
-//! receives, what the operator can do, and what the server survives. `tests/page` drives the page
-//! in a browser.
+//! Tests of `noctograph serve` over raw sockets. They check which requests are admitted, what
+//! visitors receive, what the operator can do, and what the server survives. `tests/page` tests the
+//! page in a browser.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
@@ -66,8 +66,8 @@ impl Server {
         // If a request is refused early, the server may not read all of it.
         let _ = stream.write_all(request);
         let mut answer = Vec::new();
-        // If the server left bytes unread, a reset follows the answer. The answer itself may have
-        // arrived completely.
+        // If the server left bytes unread, the connection is reset after the answer, which may
+        // still have arrived completely.
         let ended = stream.read_to_end(&mut answer);
         let end = answer.windows(4).position(|four| four == b"\r\n\r\n");
         let end = end.unwrap_or_else(|| panic!("no answer: {ended:?}")) + 4;
@@ -79,7 +79,7 @@ impl Server {
         (head[9..12].parse().unwrap(), head, body)
     }
 
-    /// Returns the status and body of the answer at an absolute path.
+    /// Returns the status and body of the answer for an absolute path.
     fn at(&self, path: &str) -> (u16, Vec<u8>) {
         let (status, _, body) = self.ask(&self.getting(path));
         (status, body)
@@ -103,7 +103,7 @@ impl Server {
         self.post_at(&format!("{}{route}", self.path), body)
     }
 
-    /// Sends an operator's action, and returns the status and answer.
+    /// Sends an action of the operator, and returns the status and the answer.
     fn operate(&self, route: &str, body: &Value) -> (u16, Value) {
         self.post_at(&format!("{}{route}", self.operator), body)
     }
@@ -124,7 +124,7 @@ impl Server {
         (head + &body).into_bytes()
     }
 
-    /// Sends a word to be flown, and returns the status and answer.
+    /// Sends a word to be flown, and returns the status and the answer.
     fn send(&self, visitor: &str, text: &str) -> (u16, Value) {
         self.post("entries", &sending(visitor, text))
     }
@@ -198,7 +198,7 @@ fn children(parent: u32) -> Vec<u32> {
     numbers.filter(is_child).collect()
 }
 
-/// Time after which a wait counts as endless, even on a busy machine.
+/// Time after which waiting counts as endless, even on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(300);
 
 /// Waits until a condition holds.
@@ -291,13 +291,13 @@ fn only_a_page_of_this_server_is_let_in() {
     for (name, request, want) in cases {
         let (status, head, _) = server.ask(&request);
         assert_eq!(status, want, "{name}: {head}");
-        // The HTTP library itself answers data that is not a valid request.
+        // Data that is not a valid request is answered by the HTTP library itself.
         let is_ours = ![400, 431].contains(&want);
         assert!(!is_ours || head.contains("X-Content-Type-Options: nosniff"), "{name}: {head}");
         assert!(!head.contains("Access-Control"), "{name}: no leave for other origins");
     }
-    // A browser with an outdated address gets a page with a sentence, and any other client the
-    // reason.
+    // A browser with an outdated address receives a page with a sentence, and any other client
+    // receives the reason.
     let accept = "Accept: text/html\r\nAccept-Language: xx, fr-CH;q=0.9, de;q=0.8\r\n";
     let (status, head, page) = server.ask(&get("/", &format!("{own}{accept}")));
     assert_eq!(status, 403, "{head}");
@@ -310,13 +310,13 @@ fn only_a_page_of_this_server_is_let_in() {
     let (_, head, page) = server.ask(&get(path, &own));
     assert!(head.contains("frame-ancestors 'none'") && page.len() <= 100_000, "{} B", page.len());
 
-    // The server waits at most five seconds for a head that never ends.
+    // The server waits at most five seconds for a header that never ends.
     let mut slow = server.connect();
     slow.write_all(b"GET / HTTP/1.1\r\nHost:").unwrap();
     let mut answer = String::new();
     slow.read_to_string(&mut answer).unwrap();
     assert!(answer.is_empty(), "{answer}");
-    // The same applies to a body that never ends.
+    // The same limit applies to a body that never ends.
     let mut slow = server.connect();
     slow.write_all(&post(&format!("{json}Content-Length: 9\r\n"))).unwrap();
     slow.read_to_string(&mut answer).unwrap();
@@ -358,7 +358,7 @@ fn a_wish_reaches_no_file_and_no_flag() {
     // No typeface contains an unassigned character.
     refused(word("A\u{378}"), "letter-missing");
 
-    // Texts that look like flags and files are still words.
+    // Texts that look like flags or file names are still words.
     for text in ["--help", "x.csv", "-o"] {
         let (_, answer) = server.post("live", &word(text));
         assert!(answer["photo"].is_string(), "{text}: {}", answer["error"]);
@@ -374,7 +374,7 @@ fn a_visitor_gets_a_photo_and_its_files() {
     assert_eq!((&live["verdict"]["read"], &live["number"]), (&json!("OSLO"), &json!(7)), "{live}");
     assert!(live["photo"].as_str().unwrap().starts_with("data:image/jpeg;base64,/9j/"), "a JPEG");
     assert_eq!([&live["width"], &live["height"]], [960, 540]);
-    // The lamp visits the boxes of the letters one after another.
+    // The lamp passes through the letters' boxes one after another.
     let (strokes, boxes) = (&live["replay"]["strokes"], &live["boxes"]);
     assert_eq!(boxes.as_array().unwrap().len(), 4);
     for stroke in strokes.as_array().unwrap() {
@@ -396,8 +396,7 @@ fn a_visitor_gets_a_photo_and_its_files() {
     let png = file(&large, "photo.png");
     let folder = tempfile::tempdir().unwrap();
     let typed = ["preview", "OSLO", "--size", "1920x1080", "--backend", "cpu", "-o", "."];
-    // Words for an audience are written in reading order, with hot pixels removed and an even
-    // floor.
+    // Words for an audience are in reading order, without hot pixels, on a uniform floor.
     let keys = [
         "--set=plan.style.order=reading",
         "--set=photo.noise.hot_pixel_frac=0",
@@ -441,7 +440,7 @@ fn a_script_that_is_not_safe_is_refused_with_its_reason() {
     assert_eq!(key(&said), "page-old", "what was flown already is no wish: {said}");
 }
 
-/// Each lamp of the page writes separately, in color and in white.
+/// Each lamp that the page offers writes separately, in color and in white.
 #[test]
 fn every_lamp_that_can_be_chosen_writes() {
     let server = Server::start(&[]);
@@ -482,7 +481,7 @@ fn the_pad_is_the_photograph() {
             .map(|it| serde_json::from_value::<Vec<f64>>(it["at"].clone()).unwrap())
             .collect::<Vec<_>>()
     };
-    // A point of the pad is converted to coordinates of the photo, in ten-thousandths.
+    // A point on the pad is converted to ten-thousandths of the photo.
     let place = |x: f64, side: f64| 1e4 * (0.5 + 0.8 * (x / side - 0.5));
     let near = |at: &[f64], [x, y]: [f64; 2], most: f64| {
         (at[1] - place(x, 1600.0)).abs() < most && (at[2] - place(y, 900.0)).abs() < most
@@ -505,19 +504,19 @@ fn a_scene_that_cannot_be_flown_is_refused_at_once() {
     noctograph(here.path()).args(["serve", "--port", &port]).assert().code(2);
 }
 
-/// A thousand requests from 32 connections are all answered or asked to retry, and leave no threads
-/// or memory behind.
+/// Each of a thousand requests from 32 connections is answered or asked to retry, and none leaves
+/// threads or memory behind.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_crowd_leaves_neither_threads_nor_memory() {
     let server = Server::start(&[]);
-    // The scene refuses these requests, so that they are answered quickly.
+    // These requests are answered quickly, because the scene refuses them.
     let wish = |n: usize| {
         let settings = json!({ "preset": "\"none\"" });
         json!({ "visitor": format!("v{n}"), "word": "A", "settings": settings })
     };
     (0..10).for_each(|n| drop(server.post("live", &wish(n))));
-    // The thread of the last answer may still be ending, so that one more thread is allowed.
+    // One more thread is allowed, because that of the last answer may still be ending.
     let (threads, memory) = (server.figure("Threads"), server.figure("VmRSS"));
     let crowd = |first: usize| {
         let answers = (0..32).map(|n| server.post("live", &wish(32 * first + n)));
@@ -540,7 +539,8 @@ fn a_crowd_leaves_neither_threads_nor_memory() {
     assert_eq!(server.post("live", &word("OSLO")).1["verdict"]["read"], "OSLO", "it lives on");
 }
 
-/// After a kill at any moment, all confirmed entries exist, and no entry exists partially.
+/// If the server is killed at any moment, all confirmed entries exist completely, and no entry
+/// exists partially.
 #[test]
 fn entries_survive_kills() {
     let folder = tempfile::tempdir().unwrap();
@@ -559,7 +559,7 @@ fn entries_survive_kills() {
             let body = sending(&format!("v{round}"), text);
             stream.write_all(&server.posting(&path, &body)).unwrap();
         }
-        // The first entry is made before the kill, and the others only in some rounds.
+        // The first entry is made before the server is killed, and the others only in some rounds.
         streams[0].0.read_exact(&mut [0]).unwrap();
         std::thread::sleep(Duration::from_millis(100 * round));
         server.kill();
@@ -585,7 +585,7 @@ fn entries_survive_kills() {
     let is_sorted = numbers.is_sorted();
     numbers.dedup();
     assert!(is_sorted && numbers.len() == kept.len(), "each has its own number");
-    // The next entry that is stored removes what a killed server left behind.
+    // What a killed server left behind is removed when the next entry is stored.
     server.sent("late", "I");
     let names = std::fs::read_dir(&gallery).unwrap().flatten().map(|entry| entry.file_name());
     assert!(names.into_iter().all(|name| !name.to_string_lossy().starts_with(".noctograph")));
@@ -602,7 +602,7 @@ fn the_operator_decides_what_hangs_and_what_flies() {
     let wall = || server.json(&format!("{}wall", server.path))["photos"].clone();
     assert_eq!(wall(), json!([]), "nothing hangs that nobody approved");
 
-    // The owner sees the entry, and nobody else does.
+    // Only the owner can see the entry.
     let own = server.json(&format!("/e/{id}/entry.json"));
     assert_eq!((&own["state"], &own["title"]), (&json!("waiting"), &json!("I")));
     assert_eq!(server.at(&format!("/e/{id}/queue.json")).0, 404);
@@ -664,8 +664,7 @@ fn the_operator_decides_what_hangs_and_what_flies() {
     let own = json!({ "do": "withdraw", "visitor": "late" });
     assert_eq!(server.post(&format!("entries/{withdrawn}"), &own).0, 200);
     assert_eq!(server.at(&format!("/e/{withdrawn}/entry.json")).0, 404);
-    // The id of an entry cannot be found by trial. NOCTOGRAPH_GUESSES=1000000 makes this many
-    // trials.
+    // An entry's id cannot be guessed. NOCTOGRAPH_GUESSES=1000000 sets the number of guesses.
     let n = std::env::var("NOCTOGRAPH_GUESSES").map_or(300, |n| n.parse().unwrap());
     let mut guess = 0x9e37_79b9_7f4a_7c15_f39c_c060_5ced_c835_u128;
     for _ in 0..n {
@@ -674,15 +673,15 @@ fn the_operator_decides_what_hangs_and_what_flies() {
     }
 }
 
-/// A log belongs to an approved entry of its word. Its photo hangs on the wall and is kept, also if
-/// the server is killed, and nothing else in the folder is shown.
+/// A log belongs to an approved entry of its word. The photo of the log is shown on the wall, and
+/// kept even if the server is killed. Nothing else in the folder is shown.
 #[test]
 fn a_flight_hangs_with_its_entry_and_nothing_else_does() {
     let (folder, log) = crate::follow::flown();
     let path = |name: &str| folder.path().join(name);
     let [gallery, flights] = ["gallery", "flights"].map(|name| path(name).display().to_string());
     let flags = ["--network", "--open-wall", "--gallery", &*gallery, "--flights", &*flights];
-    // The folder is made. What is there before the server is another evening's.
+    // The server creates the folder. Older logs belong to another evening.
     std::fs::create_dir(path("flights")).unwrap();
     std::fs::write(path("flights/NO_flight.jsonl"), &log).unwrap();
     let mut server = Server::start(&flags);
@@ -699,7 +698,7 @@ fn a_flight_hangs_with_its_entry_and_nothing_else_does() {
         let photos = server.json(&format!("{}wall", server.path))["photos"].clone();
         photos.as_array().unwrap().iter().find(|photo| photo["title"] == title).unwrap().clone()
     };
-    // On an open wall, too, no flight hangs that nobody approved.
+    // Even an open wall shows no flight of an entry that nobody has approved.
     std::fs::write(path("flights/NO_flight-2.jsonl"), &log).unwrap();
     told(&server, "NO_flight-2.jsonl", "log-unknown");
     assert_eq!(
@@ -715,7 +714,7 @@ fn a_flight_hangs_with_its_entry_and_nothing_else_does() {
     soon("the photo of the flight", || wall(&server, "NO")["flown"]["name"] == "flown-1");
     told(&server, "broken.jsonl", "log-broken");
 
-    // Its own page and the wall have it. No other address does.
+    // Only the entry's page and the wall give access to the flight.
     let key_of = |title: &str| wall(&server, title)["key"].as_str().unwrap().to_owned();
     let (key, other_key) = (key_of("NO"), key_of("LI"));
     for (route, status) in [
@@ -764,8 +763,8 @@ fn a_hall_whose_room_is_not_known_is_told() {
     }
 }
 
-/// On every server the wall shows only approved entries, unless it is opened, and only the wall's
-/// page contains codes.
+/// On every server, the wall shows only approved entries unless it is open, and only the wall's
+/// page contains QR codes.
 #[test]
 fn only_an_open_wall_shows_what_nobody_approved() {
     for (flags, hung, rule) in
@@ -791,7 +790,7 @@ fn only_an_open_wall_shows_what_nobody_approved() {
     }
 }
 
-/// The drawing of a scene is stored beside the scene, both in the answer and in the gallery.
+/// A scene's drawing is stored beside the scene, both in the answer and in the gallery.
 #[test]
 fn a_drawing_travels_with_its_scene() {
     let folder = tempfile::tempdir().unwrap();
@@ -829,7 +828,7 @@ fn a_setting_that_cannot_be_is_named() {
     }
 }
 
-/// The addresses of visitors, operator, wall and entry give access to their own resources only.
+/// The addresses of visitors, operator, wall and entry give access only to their own resources.
 #[test]
 fn no_address_leads_to_what_is_of_another() {
     let server = Server::start(&["--network"]);
@@ -1030,8 +1029,8 @@ fn what_is_chosen_of_a_picture_is_what_the_photo_and_its_files_have() {
         assert!(scene.contains(&format!("{set} = \"")), "{scene}");
     }
 
-    // Other corners crop the picture to another sheet. Impossible corners and endless lists are
-    // refused.
+    // With other corners, the picture is cropped to another sheet. Impossible corners and endless
+    // lists are refused.
     let own = json!([[200, 150], [600, 150], [600, 300], [200, 300]]);
     let flat = "[200, 150, 600, 150, 600, 300, 200, 300]";
     let upper = live(json!({ "letters.corners_px": flat }));
@@ -1058,7 +1057,7 @@ fn what_is_chosen_of_a_picture_is_what_the_photo_and_its_files_have() {
         );
     }
 
-    // Strokes can also be left out of a drawing that is too large for a flight.
+    // Strokes can also be omitted from a drawing that is too large for a flight.
     let far: Vec<_> = (0..3000).map(|n| [[0, n], [1000, n]]).collect();
     let text = json!({ "strokes": far }).to_string();
     let long = json!({ "visitor": "me", "drawing": { "kind": "json", "text": text } });
@@ -1066,7 +1065,7 @@ fn what_is_chosen_of_a_picture_is_what_the_photo_and_its_files_have() {
     assert_eq!(told["error"]["values"]["source"]["strokes"].as_array().unwrap().len(), 3000);
 }
 
-/// The page of a kiosk accepts no settings and offers no downloads, whereas that of a phone does.
+/// A kiosk's page accepts no settings and offers no downloads, unlike that of a phone.
 #[test]
 fn a_kiosk_is_an_address() {
     let folder = tempfile::tempdir().unwrap();
@@ -1099,7 +1098,7 @@ fn a_kiosk_is_an_address() {
     noctograph(here.path()).args(["serve", "--brand", "nowhere"]).assert().code(2);
 }
 
-/// Entries are limited by the sender's address, and not by the visitor's name in the request.
+/// The number of entries is limited per sender's address, not per visitor's name.
 #[test]
 fn entries_are_limited_by_address_and_time() {
     let server = Server::start(&[]);
@@ -1131,7 +1130,7 @@ fn what_cannot_be_written_is_not_done() {
     let gallery = folder.path().join("gallery");
     let server = Server::start(&["--gallery", gallery.to_str().unwrap()]);
     let ids = ["I", "LI"].map(|text| server.sent("me", text));
-    // A folder takes the place of the file, because root ignores file permissions.
+    // A folder is created in place of the file, because root ignores file permissions.
     std::fs::create_dir_all(gallery.join("queue.json/x")).unwrap();
     let queue = || server.json(&format!("{}queue.json", server.operator));
     let before = queue();
@@ -1143,7 +1142,7 @@ fn what_cannot_be_written_is_not_done() {
     assert_eq!(queue()["paused"], true);
 }
 
-/// An export waits neither for a visitor's photo nor for a photo on the host's machine.
+/// An export does not wait for photos of visitors or of the host.
 #[test]
 fn the_operator_does_not_wait_for_visitors() {
     let server = Server::start(&[]);
@@ -1172,7 +1171,7 @@ fn the_operator_does_not_wait_for_visitors() {
     }
 }
 
-/// When a connection closes, its pending news and photos are abandoned.
+/// When a connection closes, its pending requests are abandoned.
 #[cfg(target_os = "linux")]
 #[test]
 fn those_who_hang_up_leave_nothing() {
@@ -1217,8 +1216,7 @@ fn what_was_not_finished_is_no_entry() {
     assert_eq!(server.send("you", "I").1["number"], 8);
 }
 
-/// Only one server may use a gallery. Links in it are not followed, and a foreign file does no
-/// harm.
+/// Only one server may use a gallery, in which links and foreign files are ignored.
 #[cfg(unix)]
 #[test]
 fn a_gallery_is_not_what_somebody_puts_there() {
@@ -1250,7 +1248,7 @@ fn a_gallery_is_not_what_somebody_puts_there() {
         assert!(status == 404 && !body.starts_with(b"secret"), "{name}");
     }
     assert_eq!(server.at(&format!("/e/{}/entry.json", ids[1])).0, 404, "a link is no entry");
-    // A folder that was created by hand under the next name is not written into.
+    // Nothing is written into a folder that was created by hand under the next name.
     std::fs::create_dir(gallery.join("0002-I")).unwrap();
     std::fs::write(gallery.join("0002-I/mine"), "by hand").unwrap();
     assert_eq!(server.send("you", "I").1["number"], 3);
@@ -1276,7 +1274,7 @@ fn strangers_keep_nobody_out() {
     assert!(is_closed, "a refused connection is closed, whatever it says");
 }
 
-/// Photos and scripts are made one at a time, and not for clients that have disconnected.
+/// Photos and scripts are made one at a time, and never for clients that have disconnected.
 #[cfg(target_os = "linux")]
 #[test]
 fn jobs_wait_in_line_and_end_with_their_connection() {
@@ -1293,7 +1291,7 @@ fn jobs_wait_in_line_and_end_with_their_connection() {
     assert_eq!(server.post("live", &word("I")).0, 200);
 }
 
-/// A drawing that takes long is stopped in time, and does not use the server's memory.
+/// A drawing that takes too long is stopped in time, and does not use the server's memory.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_large_drawing_ends() {
@@ -1316,8 +1314,7 @@ fn a_large_drawing_ends() {
     assert!(answer.contains("200"), "it is answered, too");
 }
 
-/// A server that is killed leaves no process behind, and the next server removes what remains on
-/// the disk.
+/// A killed server leaves no process behind, and the next server removes what remains on the disk.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_killed_server_leaves_nothing() {
@@ -1329,7 +1326,7 @@ fn a_killed_server_leaves_nothing() {
     let mut server = Server::start_in(temporary.path(), &[]);
     server.sent("me", "I");
     server.post("live", &word("I"));
-    // A busy worker ends as well.
+    // A busy worker also ends.
     let mut asking = server.connect();
     let path = format!("{}script", server.path);
     asking.write_all(&server.posting(&path, &word("NOOR"))).unwrap();

@@ -1,18 +1,18 @@
-//! Setups of a flight with the expected result of `check`. A dangerous setup stops or warns in the
-//! row that concerns it, and an ordinary setup does neither.
+//! Setups of a flight with the expected results of `check`. A dangerous setup causes a stop or a
+//! warning in the row that concerns it, and an ordinary setup causes neither.
 
 use serde_json::Value;
 
 use crate::cli::{json, noctograph};
 
-/// The arguments of a check and its expected result: `stop ROW`, `warn ROW`, `error` with a part of
-/// its text, or nothing.
+/// Arguments of a check and its expected result, which is `stop ROW`, `warn ROW`, `error` with a
+/// part of its text, or nothing.
 type Setup = (&'static str, &'static str);
 
 /// Flights that come close to an object.
 const OBSTACLES: &[Setup] = &[
-    // Tables stand on the take-off mark, below and through the word, low below it, beside it, and
-    // at its end.
+    // The tables stand on the take-off mark, below and through the word, low below it, beside it,
+    // and at its end.
     (
         r#"HI --room 4x6x2.5 --set floor.steps=[{x_m=[0.3,0.9],y_m=[-0.3,0.3],height_m=0.75}]"#,
         "error found a height of 0.5 m",
@@ -100,7 +100,7 @@ const ROOMS: &[Setup] = &[
     ("HI --room 20x20x8m", "warn room"),
 ];
 
-/// Drones, flights or surroundings that are unsuitable.
+/// Unsuitable drones, flights or surroundings.
 const UNFIT: &[Setup] = &[
     ("HI --room 4x6x2.5 --set letters.baseline_m=2.2", "stop volume"),
     ("HI --room 4x6x2.5 --set plan.stroke_speed_m_s=1.2", "stop speed"),
@@ -115,8 +115,8 @@ const UNFIT: &[Setup] = &[
     ("HI --room 4x6x2.5 --camera-at=0,-9,1", "warn frame"),
     ("HI --profile outdoor", "warn sunlight"),
     ("HELLO --room 4x6x2.5 --set plan.stroke_speed_m_s=0.02", "stop flight time"),
-    // A camera this high sees the bars from above, where the ring's light is hidden along their
-    // whole length.
+    // A camera at this height sees the letters' bars from above, where the ring's light is hidden
+    // along their whole length.
     (r#"TEA --room 4x6x2.5 --set plan.lights=["ring"] --camera-at 0,-2.5,2.2"#, "warn picture"),
 ];
 
@@ -150,8 +150,8 @@ const ORDINARY: &[Setup] = &[
         "",
     ),
     ("HI --set camera.framing=fixed", ""),
-    // In a room this small the headlights' beams are visible, which is the only setup here with a
-    // warning.
+    // This is the only ordinary setup with a warning, because the headlights' beams are visible in
+    // such a small room.
     ("NO --room 3x3x2.5", "warn evenness"),
 ];
 
@@ -179,7 +179,7 @@ fn said(setup: &str) -> Vec<String> {
     rows.into_iter().chain((!warnings.is_empty()).then_some(warnings)).collect()
 }
 
-/// Returns the setups for which the result of a check differs from the expected result.
+/// Returns the setups whose check differs from the expected result.
 fn faults(setups: &[Setup]) -> Vec<String> {
     let unlike = |(setup, wanted): &Setup| {
         let said = said(setup);

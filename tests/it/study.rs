@@ -1,4 +1,5 @@
-//! Tests of studies by the command line: ranking, interruption, and shards in separate processes.
+//! Tests of studies on the command line, with ranking, interruption, and shards in separate
+//! processes.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -149,7 +150,7 @@ fn a_killed_ranking_goes_on_to_the_same_numbers() {
     killed.kill().unwrap(); // SIGKILL
     killed.wait().unwrap();
     let left = std::fs::read(&flights).unwrap();
-    // The file then ends as after an interrupted write.
+    // The file ends as after an interrupted write.
     std::fs::write(&flights, [&left[..], &left[..left.len() / 3]].concat()).unwrap();
     run("killed");
     for name in ["flights.csv", "ranking.csv", "ranking.json", "photos.png"] {
@@ -166,7 +167,7 @@ fn a_killed_ranking_goes_on_to_the_same_numbers() {
 #[test]
 fn a_full_disk_is_told_and_nothing_is_lost() {
     let folder = tempfile::tempdir().unwrap();
-    // The file size is limited to 1 KiB, which is two flights, to simulate a full disk.
+    // The file size is limited to 1 KiB, enough for two flights, to simulate a full disk.
     let command = format!(
         "trap '' XFSZ; ulimit -f 1; exec {} {} -o out",
         assert_cmd::cargo::cargo_bin("noctograph").display(),

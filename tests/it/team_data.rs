@@ -1,9 +1,9 @@
 //! Tests with the reference team's flight of NOOR. The team's log must reproduce the team's tables
-//! and figures, and the report must state what cannot be identified from it. The team's photograph
-//! must be read correctly, with the causes of its faults.
+//! and figures, and the report must state what cannot be identified from the log. The team's
+//! photograph must be read correctly, with the causes of its faults.
 //!
-//! Log and photograph have no license, so that they are not in the repository. `tests/run` runs
-//! these tests if `../shared/data` exists. To run them by hand, type `cargo test --release
+//! The log and the photograph have no license, and are therefore not in the repository. `tests/run`
+//! runs these tests if `../shared/data` exists. To run them by hand, type `cargo test --release
 //! team_data -- --ignored`.
 
 use std::path::{Path, PathBuf};
@@ -91,10 +91,11 @@ fn the_teams_figures_6_and_7_come_from_their_log() {
     assert!(!front.contains("±0.2 m"), "no corridor from the front");
 }
 
-/// Judged by eye, the white of the first O ends at two thirds of its bottom (x from 472 to 540
-/// pixels), the N leans to the left of its place, and the second O and the R are displaced. Half of
-/// the R's diagonal is white. The photo is read without knowledge of the word. Given the word,
-/// every letter except the N is the likeliest at its place, where an M is more probable.
+/// Judged by eye, the white light of the first O ends at two thirds of its bottom (x from 472 to
+/// 540 pixels), the N is to the left of its place, and the second O and the R are displaced. Half
+/// of the R's diagonal is white. The photo is read without knowledge of the word. Given the word,
+/// every letter is the most likely one in its place except the N, in whose place an M is more
+/// likely.
 #[test]
 #[ignore = "needs ../shared/data"]
 fn the_teams_photograph_reads_and_its_faults_are_found() {
@@ -102,7 +103,7 @@ fn the_teams_photograph_reads_and_its_faults_are_found() {
     let photo = photo.to_str().unwrap();
     let read = noctograph(folder.path()).args(["read", photo, "--json"]).output().unwrap();
     let text = json(&read.stdout)["text"].as_str().unwrap().to_owned();
-    // Because the diagonal of the R ends early, its light looks like a P.
+    // Because the diagonal of the R ends early, the letter looks like a P.
     assert!(text.starts_with("NOO") && text.len() == 4, "{text}");
     let score = noctograph(folder.path())
         .args(["score", photo, "NOOR", "--scene", "team", "--json"])
@@ -130,7 +131,7 @@ fn the_teams_photograph_reads_and_its_faults_are_found() {
 
 /// The radio lost a corner of the first O, from 21.36 to 22.10 s. The advice names this gap, and
 /// does not attribute it to a lamp. The letters are inferred without a scene, and the photo
-/// contains its word.
+/// contains the word.
 #[test]
 #[ignore = "needs ../shared/data"]
 fn the_gaps_of_the_teams_log_are_not_the_faults_of_its_lamps() {
@@ -142,8 +143,7 @@ fn the_gaps_of_the_teams_log_are_not_the_faults_of_its_lamps() {
         let verdict = json(&score.unwrap().stdout);
         let causes = verdict["causes"].as_array().unwrap();
         let lost: Vec<&Value> = causes.iter().filter(|cause| cause["letter"] == 1).collect();
-        // The gap at the corner may not be dark, because the stroke of light reflected by the body
-        // is wide.
+        // The wide stroke of light that the body reflects may cover the gap at the corner.
         assert!(lost.iter().any(|cause| cause["kind"] == "log_gap"), "{causes:#?}");
         let blamed =
             |cause: &&&Value| cause["kind"] == "missing_run" && cause["gain"].as_f64() > Some(0.0);
@@ -167,7 +167,7 @@ fn apart_m((flown, real): &(Flight, Flight)) -> Vector3<f64> {
 }
 
 /// An independent simulation of the basic model (in SciPy, without noise and with one constant
-/// torque) differs by 0.0249, 0.0325 and 0.0133 m, with gaps of the log bridged by straight lines.
+/// torque) differs by 0.0249, 0.0325 and 0.0133 m if gaps in the log are bridged by straight lines.
 #[test]
 #[ignore = "needs ../shared/data"]
 fn the_teams_flight_is_flown_again_as_it_was() {
@@ -176,8 +176,7 @@ fn the_teams_flight_is_flown_again_as_it_was() {
     for (found_m, most_m) in plain_m.iter().zip([0.025, 0.033, 0.0135]) {
         assert!(*found_m <= most_m, "{plain_m}");
     }
-    // The basic model lacks one large effect, which is added here: the drone pitches up against its
-    // motion.
+    // The basic model lacks one large effect, the pitching up against the motion.
     options.vehicle.airspeed_moment_n_s = 4.7e-4;
     let better_m = apart_m(&flown_again(&options, 0));
     assert!(better_m.x < 0.8 * plain_m.x, "{better_m} against {plain_m}");
@@ -201,19 +200,19 @@ fn flown_again_with_gusts_it_errs_as_much_as_it_did() {
     }
 }
 
-/// Agreement of a band with a flight.
+/// Agreement between a band and a flight.
 #[derive(Debug)]
 struct Held {
-    /// Fraction of the times at which the flight is inside the band, on each axis.
+    /// Fraction of the time for which the flight is inside the band, on each axis.
     inside: Vector3<f64>,
-    /// Width of the band, relative to a band that contains the flight for nine tenths of the times.
+    /// Width of the band, relative to a band that contains the flight for nine tenths of the time.
     width: Vector3<f64>,
 }
 
 impl Held {
-    /// Compares a flight with a band, at the band's times that have a sample within 20 ms.
+    /// Compares a flight with a band at the band's times within 20 ms of a sample.
     fn new(band: &Band, samples: &[FlightSample]) -> Self {
-        // Distances from the median are divided by the distance of the band's end on the same side.
+        // Distances from the median are divided by that of the band's edge on the same side.
         let mut ratios: [Vec<f64>; 3] = Default::default();
         for (time_s, [low, middle, high]) in band.time_s.iter().zip(&band.ends_m) {
             let away_s = |sample: &FlightSample| (sample.time_s - time_s).abs();
@@ -236,9 +235,9 @@ impl Held {
     }
 }
 
-/// Compares the real flight, in the air, with the 90 % band of 40 replays under conditions. Returns
-/// the agreement with the band of true positions, and with that of the estimates, which the log
-/// contains.
+/// Compares the real flight, in the air, with the 90 % bands of 40 replays under conditions.
+/// Returns the agreement with the band of true positions, and with the band of estimates, which are
+/// what the log contains.
 fn held(conditions: &Conditions) -> [Held; 2] {
     let bridged = ImportOptions { max_gap_s: 1.0, ..ImportOptions::default() };
     let real = noctograph::logs::import(&team_file("noor_flight.json"), &bridged).unwrap();
@@ -279,9 +278,9 @@ fn the_band_of_the_room_holds_the_real_flight_nine_tenths_of_the_time() {
     assert!(truth.inside.z < 0.85 && estimate.inside.z < 0.85, "gusts alone are too narrow");
 }
 
-/// Importing the team's log as an evening gives the drone's trim that the team measured (1.0 and
-/// 0.4 mm), and the gusts and outages of the conditions `room` and `evening`, which were taken from
-/// this log.
+/// Importing the team's log as an evening yields the trim that the team measured (1.0 and 0.4 mm),
+/// and the gusts and outages of the conditions `room` and `evening`, which were derived from this
+/// log.
 #[test]
 #[ignore = "needs ../shared/data"]
 fn the_teams_log_gives_back_the_conditions_that_were_taken_from_it() {

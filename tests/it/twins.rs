@@ -1,6 +1,6 @@
-//! Tests that both backends produce the same film bit by bit, and the film in
-//! `golden/expose/films.txt`. The lamps move by formulas, so that only changes of the exposure
-//! change the film.
+//! Tests that both backends produce the same film bit by bit, with the digests in
+//! `golden/expose/films.txt`. The lamps move according to formulas, so that only changes of the
+//! exposure affect the film.
 
 use std::fmt::Write;
 
@@ -12,7 +12,7 @@ use noctograph::light::{Emitter, Lamp, LightSample, LightTrace, LightTraceData};
 use crate::golden::assert_golden;
 use crate::gpu_required;
 
-/// Returns a lamp on a figure of eight, sampled at `hz` for `duration_s`, which starts at a phase.
+/// Returns a lamp on a figure eight, from a phase on, sampled at `hz` for `duration_s`.
 fn figure(duration_s: u32, hz: u32, phase: f64, rgb: [f64; 3]) -> Lamp {
     let emitter = Emitter {
         name: "figure".into(),

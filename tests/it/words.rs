@@ -1,4 +1,4 @@
-//! Tests of names: words that are files, files that are moved with their scene, texts of other
+//! Tests of words that are file names, files that are moved with their scene, texts from other
 //! systems, and names that are not valid Unicode.
 
 use std::path::Path;
@@ -104,7 +104,7 @@ fn a_scene_travels_with_its_files_and_tells_no_folder_of_this_machine() {
     let beside = ["plan.csv", "plan.logo.svg", "plan.scene.toml"];
     assert_eq!(names_in(&there.join("plans")), beside);
     let inside = ["flight.csv", "logo.svg", "photo.png", "plan.csv", "report.html", "scene.toml"];
-    // The copy is renamed, because the background has the same name as the photo.
+    // The background's copy is renamed, because its name is also that of the photo.
     assert_eq!(names_in(&there.join("drawn")), [&["2-photo.png"][..], &inside].concat());
     std::fs::rename(&secret, folder.path().join("moved")).unwrap();
     let moved = folder.path().join("moved");
@@ -185,7 +185,7 @@ fn a_name_that_is_no_unicode_is_shown_and_never_a_panic() {
     for verb in ["import", "identify", "expose", "locate", "check", "compare"] {
         run(&[verb], &odd("t.csv"));
     }
-    // The files of a scene are also found in such a folder.
+    // A scene's files are also found in such a folder.
     std::fs::create_dir(folder.path().join(odd("d2"))).unwrap();
     std::fs::write(folder.path().join(odd("d2")).join("logo.svg"), LOGO).unwrap();
     let inside = folder.path().join(odd("d2"));

@@ -1,5 +1,4 @@
-//! Photographs a flight of your own simulator, which here is a drone that follows the letters
-//! exactly.
+//! Photographs a flight from your own simulator, here a drone that follows the letters exactly.
 
 use noctograph::error::Result;
 use noctograph::flight::{Flight, FlightData, FlightSample};
@@ -15,7 +14,7 @@ fn main() -> Result<()> {
     let mut scene = Scene { word: "NO".to_owned(), ..Scene::preset(Preset::Cf21) };
     (scene.camera.width_px, scene.camera.height_px) = (960, 540);
 
-    // There is a sample every 20 ms along the moves of the pen, which is dark between strokes.
+    // The path is sampled every 20 ms along the pen's moves, and dark between strokes.
     let (mut samples, mut levels) = (Vec::new(), Vec::new());
     let mut end_m = Vector3::new(0.0, 0.0, 0.5);
     for step in scene.strokes()?.glyphs.iter().flat_map(|glyph| &glyph.moves) {

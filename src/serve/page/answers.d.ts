@@ -8,19 +8,19 @@ interface About extends Host {
   home: boolean;
   /** True if the page runs on a public screen in the hall. */
   kiosk: boolean;
-  /** True if the operator has paused the acceptance of entries. */
+  /** True if the operator has paused accepting entries. */
   paused: boolean;
-  /** Rule for which photos the wall shows. */
+  /** Rule that selects the photos on the wall. */
   wall: WallRule;
   /** Limits of requests. */
   limits: Limits;
-  /** Colors that the page offers for writing. */
+  /** Colors in which a visitor can write. */
   colors: OfferedColor[];
-  /** The scene's deck of lights. */
+  /** Light deck of the scene. */
   deck: string;
-  /** The text of the scene, if the visitors' browsers make photos. */
+  /** Text of the scene's file, if the visitors' browsers make photos. */
   base?: string;
-  /** The scene that the controls show at the start, on the host's machine. */
+  /** Scene that the controls show at the start, on the host's machine. */
   scene?: Record<string, any>;
 }
 
@@ -28,15 +28,15 @@ interface About extends Host {
 interface Advice {
   /** The kind of fault that the advice removes. */
   kind: CauseKind;
-  /** A sentence for people. */
+  /** The advice as a sentence. */
   text: string;
-  /** Gain in readability, 0 to 1, when the photo is read without any fault of the kind. null if these cannot be removed. */
+  /** Gain in readability, 0 to 1, if the photo is read without any fault of this kind. The gain is null if such faults cannot be removed. */
   gain: number | null;
 }
 
 /** The members of a request that the page receives back with the answer. */
 interface Asked {
-  /** Name of the stored request for a large photo, by which the page has the photo flown. */
+  /** Name of the stored request for a large photo, which the page sends to have the photo flown. */
   id?: string;
   /** Number of the request. */
   number: number | null;
@@ -54,9 +54,9 @@ interface Brand {
   logo: boolean;
 }
 
-/** Logistic regression of the readability: `1 / (1 + exp(−(constant + mean_log_odds · m + rival · r + spelling · s)))`. `m` is the mean log-odds of the letters, and `r` the log-odds of the word against its rival. `s` says how usual the spelling is: the mean over its letters of ln p, each after the four before it, plus 2.2, times 1 − m / 8 for m from 0 to 8. */
+/** `m` is the mean log-odds of the letters, and `r` the log-odds of the word against its rival. `s` says how usual the spelling is: the mean, over its letters, of the natural logarithm of the probability of a letter after the four before it, plus 2.2, times 1 − m / 8 for m from 0 to 8. */
 interface Calibration {
-  /** Readers whose reading it predicts. */
+  /** The readers whose reading the regression predicts. */
   reader: string;
   /** Constant of the regression. */
   constant: number;
@@ -72,32 +72,32 @@ interface Calibration {
 interface Cause {
   /** Kind of the fault. */
   kind: CauseKind;
-  /** Index of the letter, from 0, or null if the fault concerns the whole word. */
+  /** Index of the letter, from 0. null if the fault concerns the whole word. */
   letter: number | null;
-  /** Length, distance or width in the plane of the word. */
+  /** Length, distance or width of the fault, in the plane of the word. */
   length_mm: number | null;
-  /** Middle of the fault in the plane of the word, to the right and up. */
+  /** Center of the fault in the plane of the word: right and up. */
   at_m: [number, number] | null;
   /** The part of a stroke that is missing. */
   missing: MissingRun | null;
-  /** Delay of the lamp, if light leads from stroke to stroke and the speed is known. */
+  /** Delay of the lamp, known if light leads from stroke to stroke and the speed is known. */
   lamp_delay_s: number | null;
-  /** Start and end of the log gap in which a part of a stroke is missing. */
+  /** Start and end of the log gap because of which a part of a stroke is missing. */
   log_gap_s: [number, number] | null;
-  /** The letter that this one looks like, for a fault of design. */
+  /** The letter that this one looks like, if the fault is one of design. */
   reads_as: string | null;
-  /** Gain in the letter's probability, −1 to 1, when the photo is read without the fault. null if the fault cannot be removed. */
+  /** Gain in the letter's probability, −1 to 1, if the photo is read without the fault. The gain is null if the fault cannot be removed. */
   gain: number | null;
 }
 
 /** Kind of a fault. */
 type CauseKind = "missing_run" | "log_gap" | "lit_transit" | "streak" | "dwell_blob" | "overlap" | "other_stray" | "shifted" | "glow" | "few_pixels" | "dim" | "design" | "off_path";
 
-/** A key of a scene, and the value that it should have. */
+/** Key of a scene, and the value that it should have. */
 interface Change {
-  /** Dotted key. */
+  /** Dotted key in the scene file. */
   key: string;
-  /** The value in the syntax of a scene, or null if the sentence gives a direction. */
+  /** Value in the syntax of a scene, or null if the sentence only gives a direction. */
   value: string | null;
 }
 
@@ -117,44 +117,44 @@ interface DrawnStroke {
   color: string | null;
 }
 
-/** Facts about a photo that its entry stores. */
+/** Facts about a photo that are stored with its entry. */
 interface Figures {
-  /** Number of drones. 0 in an entry of an earlier version. */
+  /** Number of drones, or 0 in an entry of an earlier version. */
   drones: number;
-  /** Duration of the longest flight. */
+  /** Duration of the longest flight, in s. */
   flight_s: number;
-  /** True if the word is read. For a drawing it is null, as are letters, text and reason. */
+  /** True if the word is legible. For a drawing, this value is null, and so are the letters, the reading and the reason. */
   legible: boolean | null;
   letters: LetterVerdict[] | null;
   /** Problems that make any word unreadable. */
   obstacles: Message[];
   read: string | null;
-  /** Probability that the word is read. null in an entry of an earlier version, too. */
+  /** Probability that the word is read, or null for a drawing or an older entry. */
   readability: number | null;
   reason: Reason | null;
-  /** Checks that stop its flight. Always empty, since such a photo is refused. */
+  /** Checks that stop the flight. There are none, because such a photo is refused. */
   stops: Message[];
 }
 
-/** A note for the operator about the log of a flight. */
+/** Note for the operator about the log of a flight. */
 interface FlightNote {
-  /** Name of its sentence. */
+  /** Name of the page's sentence. */
   key: string;
   /** Name of the log. */
   name: string;
-  /** The reason, in English, or the word that the log writes. */
+  /** Reason in English, or the word that was flown according to the log. */
   why: string;
 }
 
-/** The photo of an entry's flight. */
+/** Photo of an entry's flight. */
 interface FlownPhoto {
-  /** Name of its files, without their extensions: `flown-2` for the second flight. */
+  /** Name of the photo's files without extensions, such as `flown-2` for the second flight. */
   name: string;
-  /** Probability that the word is read. null for a drawing. */
+  /** Probability that the word is read, or null for a drawing. */
   readability: number | null;
 }
 
-/** An entry as the operator gets it. It borrows, since a queue of hundreds is requested often. */
+/** An entry as the operator receives it. Its fields are borrowed, because long queues are requested often. */
 interface ForOperator extends Figures {
   id: string;
   number: number;
@@ -166,12 +166,12 @@ interface ForOperator extends Figures {
   flown: FlownPhoto | null;
 }
 
-/** An entry as its visitor gets it. */
+/** An entry as its visitor receives it. */
 interface ForVisitor {
   id: string;
   number: number;
   title: string | null;
-  /** The day. */
+  /** Date on which the entry was made. */
   made: string;
   state: State;
   language: string;
@@ -181,10 +181,10 @@ interface ForVisitor {
   readability: number | null;
   /** Its flight, if the log was followed. */
   flown: FlownPhoto | null;
-  /** Number of entries that fly before it, and the time that they take. */
+  /** Number of entries that fly before this one, and the time that they take. */
   ahead: number;
   ahead_s: number;
-  /** Time since its take-off. null if it does not fly, or after a restart of the server. */
+  /** Time since take-off in s, or null if it is unknown or the entry is not in the air. */
   flown_s: number | null;
 }
 
@@ -200,9 +200,9 @@ interface Host {
   network: boolean;
 }
 
-/** Facts about the large photo, which are the members of `preview --json` and further facts for the page. */
+/** Facts about the large photo, which consist of the members of `preview --json` and further facts for the page. */
 interface LargeFacts extends PhotoFacts, Partial<Verdict> {
-  /** The controller that flew. */
+  /** Controller of the flight. */
   controller: Record<string, any>;
   /** Number of drones. */
   drones: number;
@@ -218,29 +218,29 @@ interface LargeFacts extends PhotoFacts, Partial<Verdict> {
 interface LetterVerdict {
   /** The expected letter. */
   expected: string;
-  /** The likeliest letter, or null if light that is no letter is likelier. */
+  /** The likeliest letter, or null if it is likelier that no letter is there. */
   best: string | null;
-  /** Probability of the expected letter in the choice among all, the other letters being right, 0 to 1, or null for punctuation, which is not judged. */
+  /** Probability of the expected letter among all letters, 0 to 1, if the other letters of the word are right. null for punctuation, which is not judged. */
   p: number | null;
-  /** Probability of no letter at all, 0 to 1, or null for punctuation. */
+  /** Probability that no letter is there, 0 to 1. null for punctuation. */
   no_letter: number | null;
-  /** The three likeliest other letters, the likeliest first. */
+  /** The three likeliest other letters, in descending order of probability. */
   rivals: Rival[];
-  /** Offset of the letter from its position in the word, to the right and up. This and the next four fields are null if not computed. */
+  /** Offset of the letter from its position in the word: right and up. Like the next four fields, it is null if it was not computed. */
   shift_m: [number, number] | null;
   /** Fraction of the intended strokes, moved onto their light, with light within 0.1 cap heights. */
   recall: number | null;
-  /** Fraction of the light's lines within 0.1 cap heights of an intended stroke. */
+  /** Fraction of the light's lines that lies within 0.1 cap heights of an intended stroke. */
   precision: number | null;
   /** Length of the intended strokes without light. */
   missing_mm: number | null;
-  /** Length of the light's lines away from the intended strokes. */
+  /** Length of the light's lines that are away from the intended strokes. */
   stray_mm: number | null;
-  /** Probabilities of all letters in the choice, the likeliest first, down to a thousandth. */
+  /** Probabilities of all letters that have a probability of at least 0.001, in descending order. */
   confusion: Rival[];
 }
 
-/** The path of the light over time. */
+/** Path of the light over time. */
 interface LightMap {
   /** Duration of the longest flight, in s. */
   seconds: number;
@@ -256,15 +256,15 @@ interface Limits {
   body_bytes: number;
 }
 
-/** Facts about the photo while a visitor types. */
+/** Facts about the photo that is shown while a visitor types. */
 interface LiveFacts extends PhotoFacts {
-  /** The drawing, or null for a word. */
+  /** Strokes of the drawing, or null for a word. */
   source: DrawnSource | null;
-  /** The verdict, or null for a drawing. */
+  /** Verdict, or null for a drawing. */
   verdict: Verdict | null;
 }
 
-/** A stroke of light as the page receives it. */
+/** Stroke of light as the page receives it. */
 interface MappedStroke {
   /** Points in the order t, x, y, t, x, y …, with t in 1/100 s, and x and y in 1/10000 of the photo. … */
   at: number[];
@@ -276,9 +276,9 @@ interface MappedStroke {
 
 /** A message to a visitor. */
 interface Message {
-  /** Name of the sentence, such as `word-long`. */
+  /** Key of the sentence, such as `word-long`. */
   key: string;
-  /** Values in the sentence, whose names end in their units. */
+  /** Values in the sentence. Their names end in their units. */
   values: any;
   /** An English sentence, for a page that lacks the key. */
   text: string;
@@ -290,9 +290,9 @@ interface Message {
 interface MissingRun {
   /** Index of the run of the pen within the letter. */
   stroke: number;
-  /** Start of the missing part along the run. */
+  /** Position along the run where the missing part starts. */
   from_mm: number;
-  /** End of the missing part along the run. */
+  /** Position along the run where the missing part ends. */
   to_mm: number;
 }
 
@@ -318,56 +318,56 @@ interface PhotoFacts {
   height: number;
   /** Problems that make any word unreadable. */
   obstacles: Message[];
-  /** The path of the light over time. */
+  /** Path of the light over time. */
   replay: LightMap;
-  /** Problems that do not make every word unreadable. */
+  /** Other problems of the picture. */
   warnings: Message[];
   /** Width of the photo, in pixels. */
   width: number;
 }
 
-/** Placement of the word against the intended one. */
+/** Placement of the word relative to the intended one. */
 interface Placement {
-  /** Shift to the right and up, in the plane of the word. */
+  /** Shift in the plane of the word: right and up. */
   shift_m: [number, number];
   /** Ratio of the size to the intended size. */
   scale: number;
-  /** Rotation about the middle of the word, counterclockwise. */
+  /** Counterclockwise rotation about the center of the word. */
   rotation_rad: number;
 }
 
-/** The whole queue, for the operator. */
+/** The complete queue, for the operator. */
 interface Queue {
   revision: number;
   paused: boolean;
   /** In the order of flight. */
   entries: ForOperator[];
-  /** Name of the entry that is in the air. */
+  /** Name of the entry in the air. */
   flying: string | null;
-  /** About the logs of flights. */
+  /** Notes about the logs of flights. */
   notes: FlightNote[];
 }
 
-/** Why a word is not legible. */
+/** The reason why a word is not legible. */
 type Reason = "not_in_photo" | "no_light" | "too_small" | "out_of_range" | "other_length" | "misread" | "unsure";
 
 /** Another letter that this one resembles. */
 interface Rival {
   /** The letter. */
   letter: string;
-  /** Probability of the letter in the choice among all, 0 to 1. */
+  /** Probability of this letter among all letters, 0 to 1. */
   p: number;
 }
 
-/** A word that a photo may be taken for. */
+/** Another word that a photo may be read as. */
 interface RivalWord {
   /** The word. */
   word: string;
-  /** Probability of the word in the choice between it and the expected one, 0 to 1. */
+  /** Probability of this word if a viewer chooses between it and the expected word, 0 to 1. */
   p: number;
 }
 
-/** Role of a page's user. */
+/** Role of the person who uses a page. */
 type Role = "visitor" | "operator" | "entry";
 
 type State = "waiting" | "approved" | "flying" | "flown" | "rejected";
@@ -386,35 +386,35 @@ interface Suggestion {
 interface Verdict {
   /** The expected word. */
   word: string;
-  /** The likeliest letter for each expected one, `?` for none. Punctuation is copied. */
+  /** The likeliest letter for each expected one, or `?` for no letter. Punctuation is copied. */
   read: string;
-  /** True if the readability reaches `legible_probability`, and no other word is likelier. */
+  /** True if no other word is likelier and the readability reaches `legible_probability`. */
   legible: boolean;
   /** Probability that a viewer reads the word at first sight, 0 to 1. */
   readability: number;
   /** The likeliest other word, or null if nothing is visible. */
   rival: RivalWord | null;
-  /** Agreement of light and intended strokes, 0 to 1: harmonic mean of the fraction of the strokes that has light and the fraction of the light that has strokes. null if it was not computed. */
+  /** Agreement of the light with the intended strokes, 0 to 1: the harmonic mean of the fraction of strokes with light and the fraction of light near strokes. The value is null if it was not computed. */
   faithfulness: number | null;
-  /** The regression that gave the readability. */
+  /** The regression from which the readability was computed. */
   calibration: Calibration;
-  /** Placement of the word, or null if there is no light. */
+  /** Placement of the word, or null if the photo has no light of the word. */
   placement: Placement | null;
-  /** Height of a capital in the photo, pixels, or null if the word is outside the photo. */
+  /** Height of a capital in the photo in pixels, or null if the word is outside the photo. */
   cap_height_px: number | null;
-  /** One verdict for each letter of the word, in its order. */
+  /** The verdicts on the letters, in the order of the word. */
   letters: LetterVerdict[];
-  /** Why the word is not legible, or null if it is. */
+  /** The reason why the word is not legible, or null if it is. */
   reason: Reason | null;
-  /** The text that is read without knowledge of the word, or null if nothing is visible. */
+  /** The text that is read without knowing the word, or null if nothing is visible. */
   second_opinion: string | null;
-  /** Faults, the most costly first, or empty if not computed. */
+  /** Faults, in order of decreasing gain. The list is empty if faults were not computed. */
   causes: Cause[];
-  /** At most three changes, those with the largest gain first, or empty if not computed. */
+  /** At most three changes, in order of decreasing gain. The list is empty if changes were not computed. */
   advice: Advice[];
 }
 
-/** The photos on the wall. */
+/** Photos on the wall. */
 interface Wall {
   revision: number;
   photos: WallPhoto[];
@@ -424,14 +424,14 @@ interface WallPhoto {
   key: string;
   title: string | null;
   flight_s: number;
-  /** True if it is in the air. */
+  /** True if the entry is in the air. */
   flying: boolean;
   readability: number | null;
   /** Its flight, if the log was followed. */
   flown: FlownPhoto | null;
-  /** True if the light of its flight is shown as far as it has come. */
+  /** True if the wall shows the light of the flight so far. */
   live: boolean;
 }
 
-/** Rule for which photos the wall shows. */
+/** Rule that selects the photos on the wall. */
 type WallRule = "approved" | "open";

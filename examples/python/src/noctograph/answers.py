@@ -11,16 +11,16 @@ class Advice(TypedDict):
     kind: CauseKind
     """The kind of fault that the advice removes."""
     text: str
-    """A sentence for people."""
+    """The advice as a sentence."""
     gain: float | None
-    """Gain in readability, 0 to 1, when the photo is read without any fault of the kind. `None` if these cannot be removed."""
+    """Gain in readability, 0 to 1, if the photo is read without any fault of this kind. The gain is `None` if such faults cannot be removed."""
 
 
 class Calibration(TypedDict):
-    """Logistic regression of the readability: `1 / (1 + exp(−(constant + mean_log_odds · m + rival · r + spelling · s)))`. `m` is the mean log-odds of the letters, and `r` the log-odds of the word against its rival. `s` says how usual the spelling is: the mean over its letters of ln p, each after the four before it, plus 2.2, times 1 − m / 8 for m from 0 to 8."""
+    """`m` is the mean log-odds of the letters, and `r` the log-odds of the word against its rival. `s` says how usual the spelling is: the mean, over its letters, of the natural logarithm of the probability of a letter after the four before it, plus 2.2, times 1 − m / 8 for m from 0 to 8."""
 
     reader: str
-    """Readers whose reading it predicts."""
+    """The readers whose reading the regression predicts."""
     constant: float
     """Constant of the regression."""
     mean_log_odds: float
@@ -32,26 +32,26 @@ class Calibration(TypedDict):
 
 
 class Candidate(TypedDict):
-    """One point of the search with its figures."""
+    """A point of the search space with the figures of its flights."""
 
     number: int
-    """Its number, in the order of the search."""
+    """Index of the candidate in the order of the search."""
     settings: dict[str, Any]
-    """The scene's values of the knobs' keys, in their own units."""
+    """Values of the scene's keys that the knobs set, in the units of the keys."""
     n_flights: int
-    """Number of flights behind its figures."""
+    """Number of flights from which the figures were computed."""
     merit: float
     """Mean merit."""
     legibility: float
-    """Mean probability of being read."""
+    """Mean probability that the photo is read correctly."""
     legible: Estimate
     """Fraction of flights whose photo is legible."""
     duration_s: float | None
-    """Mean time of a flight. `None` if every drone was lost."""
+    """Mean duration of a flight. `None` if every drone was lost."""
     broken: float
-    """Sum of the excesses over its limits, each as a fraction of the limit. 0 if it keeps all limits."""
+    """Penalty before its weight: the sum of the excesses over the limits, each as a fraction of its limit, plus the fraction of flights with a lost drone. 0 if every limit is kept."""
     given_up: bool
-    """True if it was given up after half of its flights."""
+    """True if the candidate was abandoned after half of its flights."""
 
 
 class Cause(TypedDict):
@@ -60,21 +60,21 @@ class Cause(TypedDict):
     kind: CauseKind
     """Kind of the fault."""
     letter: int | None
-    """Index of the letter, from 0, or `None` if the fault concerns the whole word."""
+    """Index of the letter, from 0. `None` if the fault concerns the whole word."""
     length_mm: float | None
-    """Length, distance or width in the plane of the word."""
+    """Length, distance or width of the fault, in the plane of the word."""
     at_m: list[float] | None
-    """Middle of the fault in the plane of the word, to the right and up."""
+    """Center of the fault in the plane of the word: right and up."""
     missing: MissingRun | None
     """The part of a stroke that is missing."""
     lamp_delay_s: float | None
-    """Delay of the lamp, if light leads from stroke to stroke and the speed is known."""
+    """Delay of the lamp, known if light leads from stroke to stroke and the speed is known."""
     log_gap_s: list[float] | None
-    """Start and end of the log gap in which a part of a stroke is missing."""
+    """Start and end of the log gap because of which a part of a stroke is missing."""
     reads_as: str | None
-    """The letter that this one looks like, for a fault of design."""
+    """The letter that this one looks like, if the fault is one of design."""
     gain: float | None
-    """Gain in the letter's probability, −1 to 1, when the photo is read without the fault. `None` if the fault cannot be removed."""
+    """Gain in the letter's probability, −1 to 1, if the photo is read without the fault. The gain is `None` if the fault cannot be removed."""
 
 
 CauseKind = Literal[
@@ -99,36 +99,36 @@ class Estimate(TypedDict):
     """A figure and its confidence interval at a stated level."""
 
     value: float
-    """The figure of all values."""
+    """The figure that is computed from all values."""
     low: float
-    """Lower end."""
+    """Lower end of the confidence interval."""
     high: float
-    """Upper end."""
+    """Upper end of the confidence interval."""
 
 
 class Flown(TypedDict, total=False):
     """Figures of a flight."""
 
     contour_m: float
-    """Mean distance from the path in the word's plane."""
+    """Mean distance from the path within the word's plane."""
     lag_s: float
-    """Lag behind the design."""
+    """Time lag behind the design."""
     rmse_x_m: float
     """Root mean square error against the design along x."""
     rmse_y_m: float
-    """Along y."""
+    """Root mean square error against the design along y."""
     rmse_z_m: float
-    """Along z."""
+    """Root mean square error against the design along z."""
     drift_y_m: float
-    """Largest distance from the word's plane."""
+    """Maximum distance from the word's plane."""
     tilt_rad: float
-    """Largest tilt: roll or pitch."""
+    """Maximum tilt: roll or pitch."""
     saturated_frac: float
     """Fraction of the time in which a motor is saturated."""
     duration_s: float
     """Duration of the whole flight."""
     energy_j: float
-    """Energy of the whole flight: current of the thrust and of the electronics at the open-circuit voltage."""
+    """Energy of the whole flight: current for thrust and electronics times open-circuit voltage."""
 
 
 class LetterVerdict(TypedDict):
@@ -137,25 +137,25 @@ class LetterVerdict(TypedDict):
     expected: str
     """The expected letter."""
     best: str | None
-    """The likeliest letter, or `None` if light that is no letter is likelier."""
+    """The likeliest letter, or `None` if it is likelier that no letter is there."""
     p: float | None
-    """Probability of the expected letter in the choice among all, the other letters being right, 0 to 1, or `None` for punctuation, which is not judged."""
+    """Probability of the expected letter among all letters, 0 to 1, if the other letters of the word are right. `None` for punctuation, which is not judged."""
     no_letter: float | None
-    """Probability of no letter at all, 0 to 1, or `None` for punctuation."""
+    """Probability that no letter is there, 0 to 1. `None` for punctuation."""
     rivals: list[Rival]
-    """The three likeliest other letters, the likeliest first."""
+    """The three likeliest other letters, in descending order of probability."""
     shift_m: list[float] | None
-    """Offset of the letter from its position in the word, to the right and up. This and the next four fields are `None` if not computed."""
+    """Offset of the letter from its position in the word: right and up. Like the next four fields, it is `None` if it was not computed."""
     recall: float | None
     """Fraction of the intended strokes, moved onto their light, with light within 0.1 cap heights."""
     precision: float | None
-    """Fraction of the light's lines within 0.1 cap heights of an intended stroke."""
+    """Fraction of the light's lines that lies within 0.1 cap heights of an intended stroke."""
     missing_mm: float | None
     """Length of the intended strokes without light."""
     stray_mm: float | None
-    """Length of the light's lines away from the intended strokes."""
+    """Length of the light's lines that are away from the intended strokes."""
     confusion: list[Rival]
-    """Probabilities of all letters in the choice, the likeliest first, down to a thousandth."""
+    """Probabilities of all letters that have a probability of at least 0.001, in descending order."""
 
 
 class MissingRun(TypedDict):
@@ -164,16 +164,16 @@ class MissingRun(TypedDict):
     stroke: int
     """Index of the run of the pen within the letter."""
     from_mm: float
-    """Start of the missing part along the run."""
+    """Position along the run where the missing part starts."""
     to_mm: float
-    """End of the missing part along the run."""
+    """Position along the run where the missing part ends."""
 
 
 class Outcome(Flown, TypedDict):
-    """The result of one trial: a line of a `Store`."""
+    """The outcome of one trial, stored in a line of a `Store`."""
 
     read: str
-    """The letters that were read."""
+    """Letters that were read."""
     all_read: bool
     """True if every letter was read as intended."""
     legible: bool
@@ -181,22 +181,22 @@ class Outcome(Flown, TypedDict):
     probability: float
     """Probability that a viewer reads the word and no other at first sight, 0 to 1: `read_probability`."""
     log_odds: float
-    """Its log-odds, −10 to 10, which still change near 0 and 1."""
+    """Log-odds of the probability, −10 to 10, which still change at probabilities near 0 or 1."""
     similarity: float
-    """Mean probability of the intended letters, 0 to 1. It changes even while the word is illegible."""
+    """Mean probability of the intended letters, 0 to 1, which changes even for an illegible word."""
     lost: str | None
-    """How a drone was lost. `None` if none was."""
+    """Cause of the loss of a drone. `None` if no drone was lost."""
 
 
 class Placement(TypedDict):
-    """Placement of the word against the intended one."""
+    """Placement of the word relative to the intended one."""
 
     shift_m: list[float]
-    """Shift to the right and up, in the plane of the word."""
+    """Shift in the plane of the word: right and up."""
     scale: float
     """Ratio of the size to the intended size."""
     rotation_rad: float
-    """Rotation about the middle of the word, counterclockwise."""
+    """Counterclockwise rotation about the center of the word."""
 
 
 Reason = Literal[
@@ -208,7 +208,7 @@ Reason = Literal[
     "misread",
     "unsure",
 ]
-"""Why a word is not legible."""
+"""The reason why a word is not legible."""
 
 
 class Rival(TypedDict):
@@ -217,16 +217,16 @@ class Rival(TypedDict):
     letter: str
     """The letter."""
     p: float
-    """Probability of the letter in the choice among all, 0 to 1."""
+    """Probability of this letter among all letters, 0 to 1."""
 
 
 class RivalWord(TypedDict):
-    """A word that a photo may be taken for."""
+    """Another word that a photo may be read as."""
 
     word: str
     """The word."""
     p: float
-    """Probability of the word in the choice between it and the expected one, 0 to 1."""
+    """Probability of this word if a viewer chooses between it and the expected word, 0 to 1."""
 
 
 class Verdict(TypedDict):
@@ -235,28 +235,28 @@ class Verdict(TypedDict):
     word: str
     """The expected word."""
     read: str
-    """The likeliest letter for each expected one, `?` for none. Punctuation is copied."""
+    """The likeliest letter for each expected one, or `?` for no letter. Punctuation is copied."""
     legible: bool
-    """True if the readability reaches `legible_probability`, and no other word is likelier."""
+    """True if no other word is likelier and the readability reaches `legible_probability`."""
     readability: float
     """Probability that a viewer reads the word at first sight, 0 to 1."""
     rival: RivalWord | None
     """The likeliest other word, or `None` if nothing is visible."""
     faithfulness: float | None
-    """Agreement of light and intended strokes, 0 to 1: harmonic mean of the fraction of the strokes that has light and the fraction of the light that has strokes. `None` if it was not computed."""
+    """Agreement of the light with the intended strokes, 0 to 1: the harmonic mean of the fraction of strokes with light and the fraction of light near strokes. The value is `None` if it was not computed."""
     calibration: Calibration
-    """The regression that gave the readability."""
+    """The regression from which the readability was computed."""
     placement: Placement | None
-    """Placement of the word, or `None` if there is no light."""
+    """Placement of the word, or `None` if the photo has no light of the word."""
     cap_height_px: float | None
-    """Height of a capital in the photo, pixels, or `None` if the word is outside the photo."""
+    """Height of a capital in the photo in pixels, or `None` if the word is outside the photo."""
     letters: list[LetterVerdict]
-    """One verdict for each letter of the word, in its order."""
+    """The verdicts on the letters, in the order of the word."""
     reason: Reason | None
-    """Why the word is not legible, or `None` if it is."""
+    """The reason why the word is not legible, or `None` if it is."""
     second_opinion: str | None
-    """The text that is read without knowledge of the word, or `None` if nothing is visible."""
+    """The text that is read without knowing the word, or `None` if nothing is visible."""
     causes: list[Cause]
-    """Faults, the most costly first, or empty if not computed."""
+    """Faults, in order of decreasing gain. The list is empty if faults were not computed."""
     advice: list[Advice]
-    """At most three changes, those with the largest gain first, or empty if not computed."""
+    """At most three changes, in order of decreasing gain. The list is empty if changes were not computed."""
