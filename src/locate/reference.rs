@@ -21,8 +21,8 @@ pub struct Reference<'a> {
 }
 
 impl Reference<'_> {
-    /// Interpolates between the two nearest samples. Returns `None` up to the first sample, after the
-    /// last one, and in gaps.
+    /// Interpolates between the two nearest samples. Returns `None` up to the first sample, after
+    /// the last one, and in gaps.
     pub fn position_m(&self, time_s: f64) -> Option<Vector3<f64>> {
         let (samples, clock_s) = (&self.flight.samples, time_s - self.offset_s);
         let after = samples.partition_point(|s| s.time_s < clock_s);

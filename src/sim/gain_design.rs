@@ -263,7 +263,7 @@ fn controller_loop(a: &DMatrix<f64>, b: &DMatrix<f64>, controller: &LinearContro
     Loop { a, b: b.clone().resize_vertically(12 + m, 0.0), k }
 }
 
-/// Returns the largest deviation of each input alone from hover at which no motor exceeds its
+/// Returns the largest deviation of each separate input from hover at which no motor exceeds its
 /// limits.
 fn largest_inputs(vehicle: &VehicleOptions) -> [f64; 4] {
     let mixer = Mixer::new(vehicle);

@@ -13,7 +13,7 @@ const MAX_DOUBLINGS: usize = 60;
 /// last place. A smaller value would be lost in rounding noise.
 const CONVERGED: f64 = 1e-15;
 /// Maximum residual of an accepted solution, relative to the terms `‖Q‖ + 2‖A‖‖X‖ + ‖X‖‖GX‖`. The
-/// rounding of `X` alone causes 1e-16, and well-posed problems leave 1e-12 or less.
+/// rounding of `X` itself causes 1e-16, and well-posed problems leave 1e-12 or less.
 const MAX_RESIDUAL: f64 = 1e-10;
 /// Residual relative to the terms (`‖Q‖ + ‖XGX‖`) above which a solution is refined. The reference
 /// flight's problem leaves a residual of 1e-15. Weights that differ by six decades leave a residual

@@ -216,7 +216,7 @@ pub struct Drone<'a> {
     /// Seed of all noise except that of the room.
     pub seed: u64,
     /// Seed of the room's permanent errors, such as those in the poses of stations and anchors. All
-    /// drones in one room share this seed.
+    /// drones in one room have the same seed.
     pub room_seed: u64,
     /// Index among the drones that fly together. Sensor noise and gusts differ between indices.
     pub index: u64,
