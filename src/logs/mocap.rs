@@ -412,7 +412,7 @@ mod tests {
         assert!((shift.transform_fit.rotation_rad - 0.7).abs() < 1e-3, "{shift:?}");
         assert!((shift.drone_s(4110.0) - (4110.0 - 4097.3 + 223.0)).abs() < 0.004, "{shift:?}");
         let said = shift.warnings(false)[0].to_string();
-        assert!(said.contains("turned by 40.1°") && said.contains("leaves"), "{said}");
+        assert!(said.contains("turned by 40.1°") && said.contains("are left"), "{said}");
     }
 
     #[test]

@@ -302,7 +302,7 @@ fn other_files_are_refused_with_what_converts_them() {
         (b"\x80\x04\x95\x10\0", "t,x,y,z"),
         (b"<?xml version=\"1.0\"?>\n<kml/>\n", "t,x,y,z"),
         (b"\x02\x50\x0b\x00", "motion capture"),
-        (b"H Product:Blackbox flight data recorder by Nicholas Sherlock\n", "no position"),
+        (b"H Product:Blackbox flight data recorder by Nicholas Sherlock\n", "log the position"),
         (b"LabVIEW Measurement\t\nWriter_Version\t2\n***End_of_Header***\t\n", "its table"),
         (b"% program   : RTKLIB 2.4.3\n%  GPST  latitude(deg)\n", "east, north and up"),
         (b"$GPGGA,110000.00,4722.2,N,00832.4,E,1,12,0.7,400,M,,M,,*5B\n", "east, north"),
@@ -493,7 +493,7 @@ fn a_cut_log_of_a_script_is_refused_wherever_it_is_cut() {
     read(log.as_bytes());
     for end in (about.len() - 5..log.trim_end().len()).step_by(97) {
         let error = parse(&log.as_bytes()[..end], "log", &ImportOptions::default()).unwrap_err();
-        assert!(error.to_string().contains("cut off"), "{end}: {error}");
+        assert!(error.to_string().contains("ends too early"), "{end}: {error}");
     }
     // Other logs are read up to the point where they end.
     says(&read(&variables(&POSITION).as_bytes()[..log.len() - 100]), "ends too early");

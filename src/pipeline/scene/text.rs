@@ -537,7 +537,7 @@ mod tests {
         for line in comments {
             assert!(line.chars().count() <= WIDTH, "{line}");
         }
-        assert!(text.contains("# Speed along every segment. In style even, along lit strokes. (0.001 to 100)\nstroke_speed_m_s = 0.2\n"), "{text}");
+        assert!(text.contains("(0.001 to 100)\nstroke_speed_m_s = 0.2\n"), "{text}");
         assert!(text.contains("\n[plan.style]\n#   team: "), "{text}");
     }
 }
