@@ -1,4 +1,4 @@
-//! Tools and data types that all stages of Noctograph share.
+//! Tools and data types for all stages of Noctograph.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]

@@ -15,7 +15,8 @@ use noctograph_core::strokes::{Move, Strokes};
 /// strokes are centimeters apart.
 const ON_MOVE_M: f64 = 0.01;
 
-/// Minimum fraction of the word's strokes that setpoints must follow, since words share strokes.
+/// Minimum fraction of the word's strokes that setpoints must follow, since words have common
+/// strokes.
 const LEAST_FLOWN: f64 = 0.6;
 
 const HINT: &str = "name the word that was flown, and the size of its letters under [letters]. A \
@@ -35,8 +36,7 @@ pub fn infer_lights(flight: &mut Flight, strokes: &Strokes) -> Result<()> {
     let moves: Vec<(usize, Move)> =
         glyphs.flat_map(|(letter, glyph)| glyph.moves.iter().map(move |m| (letter, *m))).collect();
     let (mut progress, mut levels) = (Progress::default(), Vec::new());
-    // For each move, `flown_m` contains the beginning and end of the stretch that setpoints
-    // covered.
+    // For each move, `flown_m` contains the ends of the stretch that setpoints covered.
     let mut flown_m = vec![[f64::INFINITY, 0.0]; moves.len()];
     let mut letters = Vec::with_capacity(flight.samples.len());
     for sample in &flight.samples {

@@ -12,15 +12,14 @@ const MAX_DOUBLINGS: usize = 60;
 /// Relative change of the solution at which the doubling has converged, which is a few units in the
 /// last place. A smaller value would be lost in rounding noise.
 const CONVERGED: f64 = 1e-15;
-/// Maximum residual of an accepted solution, relative to the terms `‖Q‖ + 2‖A‖‖X‖ + ‖X‖‖GX‖`. The
-/// rounding of `X` alone causes 1e-16, and well-posed problems leave 1e-12 or less.
+/// Maximum residual of an accepted solution, relative to the terms `‖Q‖ + 2‖A‖‖X‖ + ‖X‖‖GX‖`.
+/// Rounding of `X` causes 1e-16, and well-posed problems leave 1e-12 or less.
 const MAX_RESIDUAL: f64 = 1e-10;
 /// Residual relative to the terms (`‖Q‖ + ‖XGX‖`) above which a solution is refined. The reference
-/// flight's problem leaves a residual of 1e-15. Weights that differ by six decades leave a residual
-/// of up to 1e-5.
+/// flight's problem leaves 1e-15, and weights that differ by six decades up to 1e-5.
 const REFINED_FROM: f64 = 1e-13;
-/// Maximum number of refinement steps. Each step squares the error, so only rounding errors remain
-/// after two.
+/// Maximum number of refinement steps. Each step squares the error, so only rounding remains after
+/// two.
 const MAX_REFINEMENTS: usize = 2;
 /// Maximum number of shifts of the Cayley transform that are tried, each [`SHIFT_GROWTH`] times the
 /// previous one. A second shift is needed only if the first is an eigenvalue of `A`.
@@ -73,9 +72,8 @@ fn doubling(mut a: Matrix, mut g: Matrix, mut h: Matrix) -> Option<Matrix> {
     None
 }
 
-/// Solves the continuous equation as a discrete equation, because `s = shift (z − 1) / (z + 1)`
-/// maps the left half-plane to the unit disc and preserves the solution. Returns `None` if this
-/// shift fails.
+/// Solves the continuous equation as a discrete one, because `s = shift (z − 1) / (z + 1)` maps the
+/// left half-plane to the unit disc and preserves the solution. Returns `None` if this fails.
 fn through_cayley(a: &Matrix, g: &Matrix, q: &Matrix, shift: f64) -> Option<Matrix> {
     let shifted = a - one_like(a) * shift;
     let w = shifted.transpose();

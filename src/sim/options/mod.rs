@@ -175,8 +175,7 @@ impl SimOptions {
 }
 
 impl RateOptions {
-    /// Returns the number of motor commands per second, which is `attitude_hz`, but at most one per
-    /// tick.
+    /// Returns the number of motor commands per second, `attitude_hz`, but at most one per tick.
     pub fn attitude_hz(&self) -> u32 {
         self.attitude_hz.min(self.control_hz)
     }
@@ -215,8 +214,8 @@ pub struct Drone<'a> {
     pub actual: &'a SimOptions,
     /// Seed of all noise except that of the room.
     pub seed: u64,
-    /// Seed of the room's permanent errors, such as those in the poses of stations and anchors. All
-    /// drones in one room share this seed.
+    /// Seed of the room's permanent errors, such as those in the poses of stations and anchors. The
+    /// seed is the same for all drones in a room.
     pub room_seed: u64,
     /// Index among the drones that fly together. Sensor noise and gusts differ between indices.
     pub index: u64,
