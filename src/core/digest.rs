@@ -16,7 +16,7 @@ impl Digest {
 
     /// Adds the bit patterns of numbers in little-endian order.
     pub fn add_numbers(&mut self, numbers: &[f64]) {
-        // The numbers are added in chunks, because one call per number takes as long as the digest
+        // Numbers are added in chunks, because one call per number takes as long as the digest
         // itself.
         const CHUNK: usize = 64;
         let mut buffer = [0; 8 * CHUNK];
@@ -97,8 +97,7 @@ pub fn hmac_sha256(key: &[u8], message: impl IntoIterator<Item = u8>) -> [u8; 32
     keyed_sha256(OPAD, key, &keyed_sha256(IPAD, key, &message))
 }
 
-/// Returns the 64-bit FNV-1a hash (Fowler, Noll, Vo). The hash identifies streams of random
-/// numbers.
+/// Returns the 64-bit FNV-1a hash (Fowler, Noll, Vo), which identifies random number streams.
 pub fn fnv_1a(bytes: impl IntoIterator<Item = u8>) -> u64 {
     const OFFSET_BASIS: u64 = 0xcbf2_9ce4_8422_2325;
     const PRIME: u64 = 0x0100_0000_01b3;

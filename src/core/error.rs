@@ -12,8 +12,7 @@ const LONGEST_FOUND: usize = 160;
 
 /// Error type of all crates.
 ///
-/// The text states the place, the value found, and what is wanted. [`Error::hint`] says how to fix
-/// it.
+/// The text states the place, the value found and what is wanted. [`Error::hint`] suggests a fix.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {

@@ -1,5 +1,4 @@
-//! Declarations of settings. Each declaration contains a setting's documentation, type, default and
-//! range.
+//! Declarations of settings, each with the setting's documentation, type, default and range.
 //!
 //! The macro [`settings!`] declares groups of settings, choices by name, and choices with settings
 //! of their own. Each declaration produces the Rust type with its `Default`, its form in a scene

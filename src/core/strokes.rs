@@ -117,8 +117,7 @@ pub struct Move {
 }
 
 impl Rules for StrokesData {
-    /// Checks that all glyphs or none have a color, that numbers are finite, and that paces exceed
-    /// 0.
+    /// Checks that all glyphs or none have a color, numbers are finite, and paces are positive.
     fn check(&self) -> Result<()> {
         let (n, colors) = (self.glyphs.len(), self.colors.len());
         if colors != 0 && colors != n {

@@ -15,8 +15,7 @@ use noctograph_core::crazyflie::RING_TICK_S;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::table::{FLIGHT_LONG, MAX_DURATION_S, on_grid};
 
-/// Number of brightness steps of a dimmed light. Finer levels would be invisible and need more
-/// commands.
+/// Number of levels of a dimmed light. Finer levels would be invisible and need more commands.
 const LEVEL_STEPS: f64 = 50.0;
 /// Minimum light level, which keeps a slow corner from becoming dark.
 const LEAST_LEVEL: f64 = 0.04;
@@ -265,8 +264,7 @@ impl Course<'_> {
         Plan::made(plan)
     }
 
-    /// Returns the light level from a setpoint to the next, the ratio of the mean to the nominal
-    /// speed.
+    /// Returns the light level up to the next setpoint, the ratio of the mean to the nominal speed.
     fn level(&self, segment: &Segment, from_s: f64, next_s: f64) -> f64 {
         let motion = match &segment.path {
             Path::Lit(motion) => motion,

@@ -1,7 +1,7 @@
 //! Feedforward, which sends setpoints ahead of the design so that a lagging drone follows it.
 //!
 //! The input is a [`Plan`] and the step responses of the position loop. The output is the plan with
-//! the positions to send. The method is the zero-phase [`Inverse`] of the loop over the flight, per
+//! the positions to send. The method is the loop's zero-phase [`Inverse`] over the flight, per
 //! axis.
 
 use nalgebra::Vector3;
@@ -93,7 +93,7 @@ mod tests {
 
     #[test]
     fn a_loop_without_lag_is_sent_the_design() {
-        // A held setpoint is exact halfway through its interval, so a lead of half an interval
+        // A held setpoint is exact halfway through its interval, so half an interval of lead
         // remains.
         let at_once = StepResponse { interval_s: 0.001, values: vec![1.0; 3] };
         let responses = [at_once.clone(), at_once.clone(), at_once];

@@ -67,8 +67,7 @@ pub fn fleet(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<Plan>> {
         let hint = "set plan.style = \"even\"";
         return Err(Error::input("plan.drones", actual, "one, or style even", hint));
     };
-    // The strokes are divided either anywhere or only between letters. The assignment that ends
-    // first is used.
+    // Strokes are divided anywhere or only between letters. The assignment that ends first is used.
     let mut assignments: Vec<Assignment> = Vec::new();
     for whole_letters in [false, true] {
         assignments.extend(Assignment::new(strokes, whole_letters, options, style)?);
@@ -190,8 +189,7 @@ fn starts(routes: &[Vec<Route>]) -> Option<(usize, Vec<Start>)> {
     best
 }
 
-/// Returns routes and delays for an order of assignment, or the drone that found no route as the
-/// error.
+/// Returns routes and delays for an order of assignment, or the drone without a route as the error.
 fn assign(
     routes: &[Vec<Route>],
     order: &[usize],
@@ -246,8 +244,8 @@ struct Place {
 }
 
 impl Place {
-    /// Returns the horizontal distance and the difference in height of two drones. Returns `None`
-    /// if the difference in height suffices ([`MIN_VERTICAL_M`], or [`MIN_HORIZONTAL_M`] if one is
+    /// Returns the horizontal distance and the height difference of two drones. Returns `None` if
+    /// the height difference suffices ([`MIN_VERTICAL_M`], or [`MIN_HORIZONTAL_M`] if one is
     /// parked).
     fn apart_m(self, other: Self) -> Option<[f64; 2]> {
         let is_parked = self.is_parked || other.is_parked;

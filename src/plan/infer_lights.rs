@@ -36,8 +36,7 @@ pub fn infer_lights(flight: &mut Flight, strokes: &Strokes) -> Result<()> {
     let moves: Vec<(usize, Move)> =
         glyphs.flat_map(|(letter, glyph)| glyph.moves.iter().map(move |m| (letter, *m))).collect();
     let (mut progress, mut levels) = (Progress::default(), Vec::new());
-    // For each move, `flown_m` contains the beginning and end of the stretch that setpoints
-    // covered.
+    // For each move, `flown_m` contains the ends of the stretch that setpoints covered.
     let mut flown_m = vec![[f64::INFINITY, 0.0]; moves.len()];
     let mut letters = Vec::with_capacity(flight.samples.len());
     for sample in &flight.samples {

@@ -21,9 +21,9 @@ pub fn light_letters(plan: &Plan) -> Vec<Option<usize>> {
     letters.collect()
 }
 
-/// Returns the rows of `design` from the beginning of the lit stretch up to the drawn row, for each
-/// lit setpoint of `sent`. `sent` and `design` are plans of the same strokes with a light level for
-/// each setpoint.
+/// Returns, for each lit setpoint of `sent`, the rows of `design` from the beginning of the lit
+/// stretch up to the drawn row. Both are plans of the same strokes, with a light level per
+/// setpoint.
 pub(super) fn drawn_rows(
     (sent, commanded): (&Plan, &[f64]),
     (design, lit): (&Plan, &[f64]),

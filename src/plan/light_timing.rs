@@ -56,8 +56,7 @@ pub fn time_lights(
             lag_s = flown.lag_at_s(&edge, lag_s);
         }
         let (light_s, tick) = lamp.tick(edge.time_s + lag_s, last_tick);
-        // Of two levels at one tick, only the later one is kept. Switching on or off is never
-        // dropped.
+        // Of two levels at one tick, only the later is kept. Switching on or off is never dropped.
         if tick == last_tick && was_on == is_on {
             commands.pop();
         }

@@ -54,8 +54,7 @@ impl Motion {
         let origin_m = stroke.points_m[0];
         let nodes = profile(stroke, &smoothing, speed_m_s);
         let mut pen = Pen::default();
-        // The pen starts before the stroke and stops after it, so that the stroke's ends are not
-        // corners.
+        // The pen starts before the stroke and stops after it, so that its ends are not corners.
         let reach_s = smoothing.reach_s();
         let (first, last) = (nodes[0], nodes[nodes.len() - 1]);
         let [first_m_s, last_m_s] =

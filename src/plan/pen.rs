@@ -58,7 +58,7 @@ pub(super) fn pen_strokes(strokes: &Strokes) -> Vec<PenStroke> {
                 is_down &= step.lit || is_short;
                 continue;
             }
-            // A lit move continues a run that ends at the move's beginning. After a jump, a new run
+            // A lit move continues a run that ends where the move begins. After a jump, a run
             // begins.
             let ends_here = |run: &PenStroke| (run.last_m() - from).norm() <= SAME_M;
             if !is_down || !runs.last().is_some_and(ends_here) {
@@ -144,8 +144,7 @@ impl PenStroke {
         (0..2 * n_starts).map(|way| self.along(way).way(speed_m_s)).collect()
     }
 
-    /// Returns the points and velocities at which the stroke is entered and left in its own
-    /// direction.
+    /// Returns the points and velocities at which the stroke is entered and left as drawn.
     fn way(&self, speed_m_s: f64) -> Way {
         let along_m_s = |pair: Option<&[Vector2<f64>]>| {
             pair.map_or(Vector2::zeros(), |pair| (pair[1] - pair[0]).normalize() * speed_m_s)

@@ -43,8 +43,8 @@ pub fn replay(flight: &Flight) -> Result<Replay> {
     let channels: Vec<String> = flight.lights.keys().cloned().collect();
     let (mut plan, mut n_restored) = (PlanData::with_channels(&channels), 0);
     for (index, (setpoint, row)) in logged.iter().enumerate() {
-        // Lost setpoints are restored first, at equal intervals, with the letter and lights of the
-        // previous one.
+        // Lost setpoints are restored first, at equal intervals, with the previous letter and
+        // lights.
         if let Some((before, row_before)) = index.checked_sub(1).map(|before| &logged[before]) {
             let n_lost = lost_between(before, setpoint, median);
             for k in 1..=n_lost {
@@ -156,8 +156,8 @@ mod tests {
 
     #[test]
     fn lost_setpoints_are_restored_and_waits_and_jumps_are_not() {
-        // The steps are 0.02 m every 0.1 s. A wait and a jump follow. Two setpoints, at 0.3 and 0.4
-        // s, are lost.
+        // Steps of 0.02 m every 0.1 s precede a wait and a jump. The setpoints at 0.3 and 0.4 s are
+        // lost.
         let sent = [
             (0.0, 0.0, 0.0),
             (0.1, 0.02, 0.0),

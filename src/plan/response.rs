@@ -1,5 +1,4 @@
-//! Step response of a control loop, and its inverse, which computes the inputs for a desired
-//! output.
+//! Step response of a control loop, and its inverse, which gives the inputs for a desired output.
 
 /// Output of a stable loop, initially at rest, after its input steps from 0 to 1. The values are at
 /// equal intervals, and the output stays constant after the last one.
@@ -40,8 +39,7 @@ impl StepResponse {
         unsettled.map_or(0, |index| index + 1) as f64 * self.interval_s
     }
 
-    /// Returns the approximate number of multiplications in [`Self::inverse`] for equally spaced
-    /// inputs.
+    /// Returns the approximate number of products in [`Self::inverse`] for equally spaced inputs.
     pub fn inverse_cost(&self, n_inputs: usize, interval_s: f64) -> f64 {
         let (n, per_input) = (n_inputs as f64, OUTPUTS_PER_INPUT as f64);
         let width = (self.settled_s() / interval_s).min(n) + 2.0;
@@ -122,16 +120,14 @@ impl Inverse<'_> {
         times_s.take_while(move |time_s| step_s > 0.0 && *time_s <= until_s)
     }
 
-    /// Sets `weights` to the row of W for an output's time, and returns the index of its first
-    /// input.
+    /// Sets `weights` to the row of W for an output's time, and returns its first input's index.
     #[inline(always)]
     fn weigh(&self, time_s: f64, weights: &mut Vec<f64>) -> usize {
         let Self { response, settled_s, times_s, .. } = self;
         let until = times_s.partition_point(|t| *t <= time_s + 1e-9);
         let from = times_s[..until].partition_point(|t| t + settled_s < time_s).saturating_sub(1);
         let response_to = |input_s: &f64| response.value_at(time_s - input_s);
-        // All inputs before the window have settled, so the weight of its first input includes
-        // theirs.
+        // Earlier inputs have settled, so the weight of the window's first input includes theirs.
         let mut begun = if from > 0 { 1.0 } else { response_to(&times_s[0]) };
         weights.clear();
         weights.extend((from..until).map(|k| {
@@ -179,7 +175,7 @@ impl Inverse<'_> {
     /// Solves the factored system, replacing the right-hand side `right` with the solution.
     fn solve(&self, right: &mut [f64]) {
         let (n, width) = (right.len(), self.width);
-        // Forward substitution with the transposed factor is followed by back substitution with the
+        // Forward substitution with the transposed factor precedes back substitution with the
         // factor.
         for (i, row) in self.upper.chunks_exact(width).enumerate() {
             right[i] /= self.pivots[i];

@@ -37,8 +37,7 @@ impl Smoothing {
         Self { long_s, short_s, turn_m_s: a * long_s }
     }
 
-    /// Returns the acceleration in a corner in m/s², which is below the limit if the jerk requires
-    /// it.
+    /// Returns the acceleration in a corner in m/s², below the limit if the jerk requires it.
     pub(super) fn acceleration_m_s2(&self) -> f64 {
         self.turn_m_s / self.long_s
     }

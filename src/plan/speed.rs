@@ -68,8 +68,7 @@ pub(super) fn profile(
 /// Corners of a path, with their distances along it in m.
 struct Corners {
     distances_m: Vec<f64>,
-    /// Change of the unit tangent at each corner, from 0 to 2. The change is 0 at both ends of the
-    /// path.
+    /// Change of the unit tangent at each corner, from 0 to 2, which is 0 at both ends of the path.
     turn: Vec<f64>,
 }
 

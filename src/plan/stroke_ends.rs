@@ -1,7 +1,7 @@
 //! Errors of the light at the beginnings and ends of a flight's strokes.
 //!
-//! The flight's lag and mean error are removed first, which leaves the error of the light relative
-//! to the drone.
+//! The flight's lag and mean error are removed first. The light's error relative to the drone
+//! remains.
 
 use nalgebra::Vector3;
 
@@ -30,8 +30,7 @@ pub struct StrokeEnd {
 const SEARCH_S: f64 = 0.3;
 /// Number of search steps to either side.
 const N_STEPS: i32 = 75;
-/// Cost in m per second by which a lag differs from the flight's, since a drone may wait at an
-/// edge.
+/// Cost in m per second of difference from the flight's lag, since a drone may wait at an edge.
 const LAG_COST_M_S: f64 = 0.03;
 /// Maximum number of samples that determine the lag of a flight.
 const MAX_SAMPLES: usize = 2000;
@@ -89,8 +88,8 @@ impl<'a> Aligned<'a> {
         let writing: Vec<&FlightSample> =
             flight.samples.iter().filter(|sample| sample.letter.is_some()).collect();
         let (stride, mut offset_m) = (writing.len().div_ceil(MAX_SAMPLES), Vector3::zeros());
-        // The lag with the least variance is found in steps of 25 ms, and then in steps of 1 ms
-        // around it.
+        // The lag with the least variance is found in steps of 25 ms, and around it in steps of 1
+        // ms.
         for (first, last, step_s) in [(-5, 60, 0.025), (-25, 25, 0.001)] {
             let lags_s = (first..=last).map(|step| aligned.lag_s + f64::from(step) * step_s);
             let fits = lags_s.map(|lag_s| {
@@ -152,8 +151,7 @@ impl<'a> Aligned<'a> {
             let lag_cost_m = LAG_COST_M_S * (lag_s - self.lag_s);
             error_m2 + lag_cost_m * lag_cost_m
         };
-        // The search uses a grid, because the cost may have several minima, for example at a
-        // crossing.
+        // The search uses a grid, because the cost may have several minima, as at a crossing.
         let middle_s = 0.5 * (previous_lag_s + self.lag_s);
         let steps = (-N_STEPS..=N_STEPS)
             .map(|step| middle_s + f64::from(step) / f64::from(N_STEPS) * SEARCH_S);

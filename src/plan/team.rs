@@ -13,8 +13,7 @@ use noctograph_core::flight::table::{FLIGHT_LONG, MAX_DURATION_S, on_grid};
 use noctograph_core::geometry::distance;
 use noctograph_core::strokes::{Glyph, Strokes};
 
-/// Plans the flight that writes strokes letter by letter. Returns an error if it would take too
-/// long.
+/// Plans the flight that writes strokes letter by letter, or returns an error if it is too long.
 pub(super) fn plan(strokes: &Strokes, options: &PlanOptions, style: &TeamStyle) -> Result<Plan> {
     // A flight that is too long is refused before any of it is planned.
     let duration_s = longest_duration_s(strokes, options, style);
@@ -101,8 +100,7 @@ impl Script<'_> {
         self.send(Vector3::zeros(), Vector3::zeros(), false);
     }
 
-    /// Flies a straight segment at the stroke speed. A short lit segment takes as long as drawing a
-    /// dot.
+    /// Flies a straight segment at the stroke speed. A short lit segment takes as long as a dot.
     fn fly(&mut self, from: Vector3<f64>, to: Vector3<f64>, lit: bool) {
         let (length_m, speed_m_s) = ((to - from).norm(), self.options.stroke_speed_m_s);
         if length_m > 0.0 {

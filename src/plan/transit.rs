@@ -24,8 +24,7 @@ const SPEED_SLACK: f64 = 1.01;
 const ROUNDING: f64 = 1.0 + 1e-9;
 /// Ruckig's control cycle in s, which is unused in offline calculation.
 const CONTROL_CYCLE_S: f64 = 0.01;
-/// Tolerance, in ticks, of a whole number of ticks, and maximum number of durations tried to reach
-/// one.
+/// Tolerance of a whole number of ticks, and maximum number of durations tried to reach one.
 const TICK_SLACK: f64 = 1e-6;
 const MAX_TRIALS: usize = 8;
 
@@ -39,12 +38,10 @@ pub(super) struct Transit {
 
 impl Transit {
     /// Returns the fastest path between two states that satisfies the acceleration limit or, if
-    /// none does, the path that exceeds it least. The duration of the path is a multiple of
-    /// `tick_s`. Returns `None` if no path exists, which has not occurred for states within the
-    /// limits.
+    /// none does, the path that exceeds it least. Its duration is a multiple of `tick_s`. Returns
+    /// `None` if no path exists, which has not occurred for states within the limits.
     pub(super) fn new(from: &State, to: &State, style: &EvenStyle, tick_s: f64) -> Option<Self> {
-        // Each axis may use the acceleration at either end, so both axes together may exceed the
-        // limit.
+        // Each axis may use the acceleration at either end, so both together may exceed the limit.
         let mut gentlest: Option<(f64, Self)> = None;
         for fraction in ACCELERATION_FRACTIONS {
             let acceleration_m_s2 = fraction * style.acceleration_m_s2;

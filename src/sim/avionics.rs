@@ -139,17 +139,15 @@ impl Avionics {
         self.logs_covariance = true;
     }
 
-    /// Replaces the estimator with an external estimator, which `make` creates from the state at
-    /// rest.
+    /// Replaces the estimator with an external one, which `make` creates from the state at rest.
     pub fn estimate_by(&mut self, make: impl FnOnce([f64; 12]) -> Update) {
         let state = self.estimator.state();
         self.estimator = Box::new(Outside { update: make(state.into()), state });
         self.kinds.estimator = None;
     }
 
-    /// Begins a tick by measuring and updating the estimate. `fleet_m` contains the true positions
-    /// of the fleet, between which ranges are measured. Returns true if the motors are to be
-    /// commanded.
+    /// Begins a tick by measuring and updating the estimate. `fleet_m` contains the fleet's true
+    /// positions, for ranges between drones. Returns true if the motors must be commanded.
     pub(super) fn sense(
         &mut self,
         plan: &Plan,
@@ -212,8 +210,8 @@ impl Avionics {
         // Controllers are designed for a drone whose nose points along world x.
         let mut reference = reference.turned(-self.yaw_rad);
         let mut estimate = turned_ahead(&self.estimate, self.yaw_rad);
-        // If the kind of setpoint changes, the controller is informed before the first setpoint of
-        // the new kind.
+        // If the kind of setpoint changes, the controller is informed before the first new
+        // setpoint.
         let mode = if self.silent_s(time_s) > LEVEL_OUT_S {
             Mode::Level
         } else if self.lands_from.is_some_and(|first| row >= first) {
@@ -249,8 +247,7 @@ impl Avionics {
     fn reference_time_s(&self, plan: &Plan, time_s: f64) -> f64 {
         let holds = self.kinds.controller == ControllerKind::Geometric;
         let from_s = plan.setpoints[self.followed_setpoint()].time_s;
-        // The motion of a late setpoint begins when it is received, and ends when the next one is
-        // due.
+        // A late setpoint's motion begins when it is received, and ends when the next one is due.
         let now_s = match self.link.as_ref().filter(|_| self.streamed) {
             None => time_s,
             Some(link) => {
@@ -352,8 +349,7 @@ impl Avionics {
             motors: self.motors().map(on_grid),
             letter: setpoint.letter,
         };
-        // The normalized squared error of three axes, eᵀ P⁻¹ e / 3, is 1 on average if the filter
-        // is consistent.
+        // The normalized squared error, eᵀ P⁻¹ e / 3, is 1 on average if the filter is consistent.
         let covariance_m2 = self.estimator.covariance_m2().filter(|_| self.logs_covariance);
         let error_m = estimate_m - body.position_m;
         let nees = covariance_m2.map(|covariance_m2| {
@@ -432,8 +428,7 @@ const EMPTY_HELP: &str = "fly less: a shorter word, larger plan.style.stroke_spe
 
 /// Returns how a drone was lost, according to its true or its estimated state, or `None`.
 fn loss(body: &RigidBody, estimate: &State) -> Option<&'static str> {
-    // The check has no branches, so the processor cannot mispredict any. NaN counts as out of
-    // bounds.
+    // The check has no branches that may be mispredicted. NaN counts as out of bounds.
     fn are_bounded(values: &[f64]) -> bool {
         values.iter().fold(true, |are_bounded, x| are_bounded & (x.abs() < LOST))
     }

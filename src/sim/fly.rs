@@ -106,8 +106,7 @@ pub fn fly_watched(
     Ok(rigs.into_iter().map(Rig::finish).collect())
 }
 
-/// Checks options and plans, and creates the drones of a fleet, at rest at their starting
-/// positions.
+/// Checks options and plans, and creates the drones of a fleet at rest at their starts.
 pub(super) fn rigs(fleet: &[(&Plan, Drone<'_>)]) -> Result<Vec<Rig>> {
     let first = &fleet[0].1;
     let mut members = Vec::new();
@@ -185,15 +184,13 @@ impl Rig {
     }
 }
 
-/// Returns the true starting position, which is that of the first setpoint, but not below the
-/// floor.
+/// Returns the true starting position, that of the first setpoint, but not below the floor.
 fn start_m(plan: &Plan, floor: &FloorOptions) -> Vector3<f64> {
     let first_m = plan.setpoints[0].position_m;
     Vector3::new(first_m.x, first_m.y, first_m.z.max(floor.height_m(first_m.x, first_m.y)))
 }
 
-/// Checks that the plan has setpoints, that a drone can reach them, and that its path is above the
-/// floor.
+/// Checks that the plan has setpoints, that they are reachable, and that they clear the floor.
 fn check_plan(plan: &Plan, floor: &FloorOptions) -> Result<()> {
     let hint = "plan the word again, or correct the file that the plan was read from";
     if plan.setpoints.is_empty() {

@@ -41,8 +41,7 @@ pub const STATES: [&str; 15] = [
     "o_x", "o_y", "o_z", "psi", "theta", "phi", "v_x", "v_y", "v_z", "w_x", "w_y", "w_z",
     "int o_x", "int o_y", "int o_z",
 ];
-/// Names of the additional columns of `K` for lagging rotors, which are the modeled rotors'
-/// outputs.
+/// Names of the columns of `K` for lagging rotors, which are the modeled rotors' outputs.
 const ROTOR_STATES: [&str; 4] = ["rotor tau_x", "rotor tau_y", "rotor tau_z", "rotor f_z"];
 /// Names of the inputs in the order of the rows of `K`.
 pub const INPUTS: [&str; 4] = ["tau_x", "tau_y", "tau_z", "f_z"];
@@ -63,8 +62,7 @@ pub struct Design {
     pub k: Option<DMatrix<f64>>,
     /// Names of the columns of `K`, which are the first of [`STATES`] and those of the rotors.
     pub states: Vec<&'static str>,
-    /// Number of controller states, which are integrals, last measurements, filters and modeled
-    /// rotors.
+    /// Number of controller states (integrals, last measurements, filters and modeled rotors).
     #[serde(rename = "controller_states")]
     pub n_controller_states: usize,
     /// Gain of the observer, 8×3, in `x̂̇ = A x̂ + B u − L (C x̂ − y)`, without the yaw.
@@ -230,8 +228,7 @@ fn controllability_rank(a: &SMatrix<f64, 12, 12>, b: &SMatrix<f64, 12, 4>) -> us
     observability_rank(&dynamic(&a.transpose()), &dynamic(&unit_b.transpose()))
 }
 
-/// Returns the loop of a regulator, for lagging or instantaneous motors, and the names of its
-/// states.
+/// Returns a regulator's loop, for lagging or instantaneous motors, and the names of its states.
 fn regulator_loop(
     [a, b]: [DMatrix<f64>; 2],
     gain: Gain,
@@ -243,8 +240,8 @@ fn regulator_loop(
         return (Loop { a, b, k: gain.k }, states.collect());
     };
     // The modeled rotors follow the regulator's commands. They are therefore part of the regulator,
-    // not of the loop that is opened at the motors. Their equation is τ dû/dt = u − û with u = −K x
-    // − K_u û.
+    // not of the loop opened at the motors. Their equation is τ dû/dt = u − û with u = −K x − K_u
+    // û.
     let from_state = -&gain.k / modeled_lag_s;
     let decay = -(gain.k_rotor + Matrix4::identity()) / modeled_lag_s;
     let a = with_states(&a, &DMatrix::zeros(n, 4), &from_state, &dynamic(&decay));

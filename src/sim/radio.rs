@@ -140,8 +140,7 @@ mod tests {
 
     #[test]
     fn losses_and_outages_have_their_fractions_and_outages_are_common_to_all() {
-        // If a fraction p of packets is lost, a fraction p² of the turns is the second loss in a
-        // row.
+        // If a fraction p of packets is lost, a fraction p² of turns is the second loss in a row.
         let lossy = longer_frac(&silences_s(&mut link(1, 0.5, 0.0, 0.1, 0), 20_000), 1.4e-3);
         assert!((lossy - 0.25).abs() < 0.02, "{lossy}");
         let [one, other] =

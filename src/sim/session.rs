@@ -37,8 +37,7 @@ impl Session {
         Ok(())
     }
 
-    /// Commands the motors with the drone's controller, and flies until the next command or
-    /// landing.
+    /// Commands the motors with the drone's controller, and flies to the next command or landing.
     pub fn control(&mut self) -> Result<()> {
         if self.has_landed {
             return Ok(());
@@ -80,7 +79,7 @@ impl Session {
         self.rig.avionics.design(&self.plan, self.time_s()).position_m.into()
     }
 
-    /// Commands the motors m1…m4, 0 to `vehicle.motor_max`, and flies until the next command or
+    /// Commands the motors m1…m4, 0 to `vehicle.motor_max`, and flies to the next command or
     /// landing.
     pub fn command(&mut self, motors: [f64; 4]) -> Result<()> {
         if self.has_landed {
@@ -190,8 +189,7 @@ mod tests {
         for (row, sample) in plain.samples.iter().enumerate().skip(plain.samples.len() / 2) {
             let error_m = (sample.estimate_m - sample.position_m).norm();
             assert!((1e-4..0.5).contains(&sigma_m[row]), "{}", sigma_m[row]);
-            // The bound holds because the covariance's largest eigenvalue does not exceed its
-            // trace.
+            // The bound holds because a covariance's largest eigenvalue is at most its trace.
             assert!(3.0 * nees[row] >= 0.99 * (error_m / sigma_m[row]).powi(2) - 1e-4);
         }
     }

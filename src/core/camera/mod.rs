@@ -46,9 +46,8 @@ pub struct Camera {
     /// the lens maps them to `x (1 + k1 r² + k2 r⁴) + 2 p1 x y + p2 (r² + 2 x²)` and `y (1 + k1 r²
     /// + k2 r⁴) + p1 (r² + 2 y²) + 2 p2 x y`.
     pub distortion: [f64; 4],
-    /// Fraction of the light that vignetting removes at the corner of the picture, not including
-    /// the natural cos⁴ falloff. The fraction increases with the square of the distance from the
-    /// center.
+    /// Fraction of the light that vignetting removes at the corner of the picture, in addition to
+    /// the natural cos⁴ falloff. It increases with the square of the distance from the center.
     pub vignetting: f64,
     /// White balance, as gains for red, green and blue that are applied before the tone curve.
     pub white_balance: [f64; 3],
@@ -128,8 +127,7 @@ impl Camera {
         None
     }
 
-    /// Applies the distortion to the tangents of a ray, or returns `None` if the image folds back
-    /// there.
+    /// Applies the distortion to a ray's tangents, or returns `None` if the image folds back there.
     fn distorted(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
         let [k1, k2, p1, p2] = self.distortion;
         if self.distortion == [0.0; 4] {
@@ -149,8 +147,7 @@ impl Camera {
     }
 
     /// Returns the box `[left, bottom, right, top]` in the word's plane (y = 0) that contains the
-    /// points seen at the four corners of the picture, or `None` if a corner sees no point within 1
-    /// km.
+    /// points seen at the picture's four corners, or `None` if a corner sees no point within 1 km.
     pub fn plane_bounds_m(&self) -> Option<[f64; 4]> {
         let [right, bottom] = [self.width_px, self.height_px].map(f64::from);
         let corners = [[0.0, 0.0], [right, 0.0], [right, bottom], [0.0, bottom]];

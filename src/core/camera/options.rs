@@ -200,7 +200,7 @@ impl CameraOptions {
         }
     }
 
-    /// Returns the camera for a word within `[left, bottom, right, top]` and a flight that ends at
+    /// Returns the camera for a word in the box `[left, bottom, right, top]` and a flight up to
     /// `end_s`.
     ///
     /// # Errors

@@ -6,8 +6,7 @@ use crate::error::Result;
 use crate::settings::Described;
 use crate::srgb::{rgb_from_xyz, xyz};
 
-/// White balance. Scene files contain gains such as `[2.0, 1.0, 1.5]` or a temperature such as
-/// `3200.0`.
+/// White balance, such as gains of `[2.0, 1.0, 1.5]` or a temperature of `3200.0` in a scene file.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum WhiteBalance {

@@ -1,5 +1,4 @@
-//! Releases of the Crazyflie firmware, and their differences that affect exports, simulator and
-//! logs.
+//! Crazyflie firmware releases, and their differences that affect exports, simulator and logs.
 //!
 //! The differences come from the firmware's history from 2023.11 to [`super::FIRMWARE_REVISION`].
 //! `docs/fly.md` lists the differences that are not in [`Feature::ALL`].
@@ -134,8 +133,7 @@ impl Feature {
 }
 
 impl Release {
-    /// Oldest release that can fly exported scripts. Its firmware has every log variable that they
-    /// read.
+    /// Oldest release that can fly exported scripts, with every log variable that they read.
     pub const OLDEST: Self = Self::R2023_11;
     /// Release that contains [`super::FIRMWARE_REVISION`].
     pub const MODELED: Self = Self::R2026_08;
@@ -155,7 +153,7 @@ impl Release {
         })
     }
 
-    /// Returns the release with this name, which may contain a patch number, or `None` if it is
+    /// Returns the release with this name, which may have a patch number, or `None` if it is
     /// unknown.
     pub fn named(name: &str) -> Option<Self> {
         Self::parse(name).filter(|release| year_and_month(release.name()) == year_and_month(name))

@@ -127,8 +127,7 @@ impl Separator {
 
     /// True if a line is a row, whose first cell and most other cells are numbers or dates.
     fn is_row(self, line: &[u8]) -> bool {
-        // If blanks separate the cells, none is empty. With other separators, empty cells are
-        // ignored.
+        // Blanks as separators leave no cell empty. With other separators, empty cells are ignored.
         let cells: Vec<&[u8]> = self.cells(line).take(MAX_COLUMNS + 1).collect();
         let least = if self == Self::Blanks { 3 } else { 2 };
         let filled = cells.iter().filter(|cell| !cell.is_empty());
@@ -172,8 +171,7 @@ impl Head {
         // then refused with its line number.
         let title_line = both.first().or(fitting.last()).or(bare.last()).copied();
         let mut titles = title_line.map_or(Vec::new(), |index| separator.titles(lines[index]));
-        // In a pandas table with two levels of columns, group names repeat, whereas column titles
-        // never do.
+        // In a pandas table with two column levels, group names repeat, whereas titles never do.
         let in_groups =
             titles.iter().enumerate().any(|(i, t)| !t.is_empty() && titles[..i].contains(t));
         // A second line of short names contains units, or names within groups.
@@ -438,8 +436,7 @@ struct NumberForm {
 }
 
 impl NumberForm {
-    /// Detects the decimal and thousands separators. Returns an error for a comma that may be
-    /// either.
+    /// Detects the decimal and thousands separators, or returns an error for an ambiguous comma.
     fn detect(text: &[u8], head: &Head) -> Result<Self> {
         // If commas separate cells, numbers contain commas only within quotation marks.
         let separates_by_commas = head.separator == Separator::Byte(b',');
@@ -456,15 +453,13 @@ impl NumberForm {
         let may_have_commas = separates_by_commas
             || has_commas
             || lines(text).skip(head.row).any(|line| line.contains(&b','));
-        // A point can separate thousands only if the table contains no commas and no blanks as
-        // separators.
+        // A point can separate thousands only in a table without commas or blanks as separators.
         let thousands = match (may_have_commas, head.separator) {
             (true, _) => thousands_separator(rows(), head, b',')?,
             (false, Separator::Blanks) => None,
             (false, Separator::Byte(_)) => thousands_separator(rows(), head, b'.')?,
         };
-        // In a table with decimal points, a comma may separate thousands. Its cell therefore counts
-        // as text.
+        // In a table with decimal points, a cell with a comma counts as text.
         let has_decimal_commas = thousands.is_none() && has_commas && !any_number_has(b'.');
         Ok(Self { thousands, has_decimal_commas })
     }
@@ -479,8 +474,7 @@ impl NumberForm {
         }
     }
 
-    /// Returns the number in a cell, or `None` if the cell does not match the table's number
-    /// format.
+    /// Returns the number in a cell, or `None` if the cell is not in the table's number format.
     fn number(&self, cell: &[u8]) -> Option<f64> {
         let bare = unquoted(cell);
         let text = match self.thousands {
@@ -498,8 +492,8 @@ impl NumberForm {
 /// Returns `sign` if this character separates thousands, or `None` if a number begins with zero or
 /// does not have exactly three digits after it. The character certainly separates thousands if its
 /// column also contains whole numbers below a thousand, or if a number contains it twice or
-/// contains both a comma and a point. Otherwise, a point is taken as the decimal point, and a comma
-/// is an error.
+/// contains both a comma and a point. Otherwise, a point is the decimal point, and a comma is an
+/// error.
 fn thousands_separator<'a>(
     rows: impl Iterator<Item = &'a [u8]>,
     head: &Head,

@@ -13,8 +13,7 @@ use crate::error::{Error, Result};
 
 /// Folder whose files are staged inside it until all of them are written.
 ///
-/// The folder is locked during the renames, so that it never contains a mix of files from two
-/// programs.
+/// The folder is locked during the renames, so that it never contains files from two programs.
 #[derive(Debug)]
 pub struct OutputFolder {
     path: PathBuf,
@@ -61,8 +60,8 @@ impl OutputFolder {
         names.iter().map(|name| self.path.join(name)).try_for_each(|path| {
             let writable = match path.metadata() {
                 Ok(there) if there.is_dir() => Err(std::io::ErrorKind::IsADirectory.into()),
-                // Only regular files are opened. Opening a pipe blocks, and closing it stops its
-                // reader.
+                // Only regular files are opened, because opening a pipe blocks and closing it stops
+                // its reader.
                 Ok(there) if there.is_file() => {
                     OpenOptions::new().write(true).open(&path).map(|_| ())
                 }
@@ -236,8 +235,8 @@ mod tests {
         assert!(!path.exists(), "the folder that was made for it went with it");
     }
 
-    /// Two writers write two hundred files each. At the end, the folder contains the complete set
-    /// of one writer.
+    /// Two writers write 200 files each. Finally, the folder contains the complete set of one of
+    /// them.
     #[test]
     fn two_writers_of_one_folder_never_mix() {
         let parent = tempfile::tempdir().unwrap();

@@ -1,9 +1,7 @@
-//! Frame header of a JPEG file, parsed before decoding to determine the decoder's cost (ITU-T
-//! T.81).
+//! Frame header of a JPEG file, from which the decoder's cost is known in advance (ITU-T T.81).
 //!
 //! The file size of a progressive picture does not limit the work. The decoder keeps all
-//! coefficients, two bytes each, until the last scan, and a scan may occupy only a dozen bytes of
-//! the file.
+//! coefficients, two bytes each, until the last scan, and a scan may take only a dozen bytes.
 
 /// Costs of decoding a JPEG picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,8 +60,7 @@ impl JpegFrame {
         3 * self.size_px[0] * self.size_px[1] + coefficients
     }
 
-    /// Returns the time in ns that one core of a 2020 processor takes for the scans after the
-    /// first.
+    /// Returns the time in ns that a core of a 2020 processor takes for the scans after the first.
     pub fn later_scans_ns(&self) -> u64 {
         // A block of 64 samples takes 20 ns.
         self.samples.saturating_mul(self.scans.saturating_sub(1)) / 3

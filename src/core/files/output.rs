@@ -162,8 +162,7 @@ impl WholeFile {
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Io`]. If there is an error, an existing file of that name is left
-    /// unchanged.
+    /// Returns [`Error::Io`]. If there is an error, an existing file is left unchanged.
     pub fn keep(self) -> Result<PathBuf> {
         let Self { path, staged, .. } = self;
         let named = staged.map_or(Ok(()), |(file, place)| file.persist(place).map(drop));

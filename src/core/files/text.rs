@@ -40,8 +40,7 @@ impl<'a> Text<'a> {
     }
 }
 
-/// Converts UTF-16 to UTF-8. `unit` combines two bytes into a code unit. Unpaired surrogates become
-/// U+FFFD.
+/// Converts UTF-16, in code units read by `unit`, to UTF-8. Unpaired surrogates become U+FFFD.
 fn from_utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> Vec<u8> {
     let units = bytes.chunks_exact(2).map(|pair| unit([pair[0], pair[1]]));
     let text = char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER));

@@ -291,8 +291,7 @@ pub fn number_from_letter(letter: Option<usize>) -> f64 {
     letter.map_or(0.0, |index| index as f64 + 1.0)
 }
 
-/// Returns a letter's index for its number in the file, or `None` for 0, which means outside
-/// letters.
+/// Returns a letter's index for its number in the file, or `None` for 0 (outside letters).
 pub fn letter_from_number(number: f64) -> Option<usize> {
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
     (number >= 1.0).then(|| number as usize - 1)

@@ -78,8 +78,7 @@ impl Table {
         Self::below(head, &text, file, |_| true)
     }
 
-    /// Reads the rows below a header. Columns for whose titles `is_needed` is true must contain
-    /// numbers.
+    /// Reads the rows below a header. Columns for which `is_needed` is true must contain numbers.
     ///
     /// # Errors
     ///
@@ -146,8 +145,7 @@ impl Table {
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Input`] if there is no such column, or with the line of a number beyond
-    /// ±1e6.
+    /// Returns [`Error::Input`] for a missing column, or with the line of a number beyond ±1e6.
     pub fn quantity(&self, name: &str) -> Result<&[f64]> {
         let column = self.column(name)?;
         match column.iter().position(|value| value.abs() > MAX_QUANTITY) {

@@ -13,8 +13,8 @@ const USUAL_PERIOD_S: f64 = 9.5e-3;
 /// would be shorter than this.
 const SHORTEST_FLIGHT_S: f64 = 0.5;
 
-/// Ranges of present-day dates as day numbers of spreadsheets, MATLAB and the Julian date, in
-/// order.
+/// Ranges of present-day dates as day numbers of spreadsheets, MATLAB and the Julian calendar
+/// count.
 const DAY_NUMBERS: [std::ops::Range<f64>; 3] = [3e4..8e4, 7e5..8e5, 2.4e6..2.5e6];
 
 /// Detected unit of timestamps.

@@ -58,8 +58,7 @@ impl Attitude {
 /// Returns the rotation from world vectors to camera vectors (x right, y down, z forward) for a
 /// camera that looks along `forward` with a level horizon.
 ///
-/// If the camera looks straight up or down, the horizon is undefined. In that case, right is world
-/// x.
+/// If the camera looks straight up or down, the horizon is undefined, and right is world x.
 ///
 /// # Panics
 ///

@@ -25,8 +25,7 @@ impl Solid {
 
     /// Returns the distance of a position from the solid in m, or 0 inside it.
     pub fn distance_m(&self, position_m: &Vector3<f64>) -> f64 {
-        // The block extends over an interval on each axis, from which the coordinate has a
-        // distance.
+        // `beyond_m` returns a coordinate's distance from the block's interval on one axis.
         let beyond_m = |[low, high]: [f64; 2], m: f64| (low - m).max(m - high).max(0.0);
         let distance_m = match self {
             Self::Block { ends_m: [x, y, z], radius_m } => {

@@ -13,7 +13,7 @@ pub struct Channel {
     /// Channels of a plan that set the color, in the order of the parameter's bytes, or empty for a
     /// lamp that is switched by a pin.
     pub colors: &'static [&'static str],
-    /// Name of the deck, and the firmware parameters `deck.*`, one of which is set if the deck is
+    /// Name of the deck, and the firmware parameters `deck.*`, one of which shows that it is
     /// present.
     pub deck: (&'static str, &'static [&'static str]),
     /// Parameters that enable the lamp, but keep it dark, before a flight in which it is used.

@@ -71,8 +71,7 @@ pub enum Drive {
         /// Start of the first flash in s.
         phase_s: f64,
     },
-    /// Random flashes too short to be distinguished. Their number in each 0.1 s determines the
-    /// level.
+    /// Random flashes too short to distinguish. Their number in each 0.1 s determines the level.
     Flicker {
         /// Mean number of flashes per second.
         flashes_hz: f64,

@@ -1,7 +1,6 @@
 //! Tables of the lamps on existing drones and decks.
 //!
-//! A scene file contains the rows themselves, so later changes to these tables do not affect its
-//! photo.
+//! A scene file contains the rows themselves, so changes to these tables do not affect its photo.
 //!
 //! The sources are Bitcraze's data sheets of the LED-ring deck (headlights "> 1800 mcd", twelve
 //! WS2812B on a circle of 13.7 mm) and their firmware (`led.h`, `ledseq.c`, `ledring12.c`,
@@ -25,8 +24,7 @@ settings! {
 }
 
 impl Deck {
-    /// Returns the deck's lamps, and the channel that drives the deck unless the scene names
-    /// others.
+    /// Returns the deck's lamps, and the channel that drives it unless the scene names others.
     fn row(self) -> (Vec<Fixture>, &'static str) {
         match self {
             Self::LedRing => (led_ring(), HEADLIGHTS),
@@ -52,8 +50,7 @@ const RED: [f64; 2] = [0.694, 0.306];
 const GREEN: [f64; 2] = [0.151, 0.758];
 /// Chromaticity of the ring's blue, 466 nm.
 const BLUE: [f64; 2] = [0.132, 0.049];
-/// Chromaticity of the board's blue LEDs (475 nm), 0.14 of whose light is green in the team's
-/// photo.
+/// Chromaticity of the board's blue LEDs (475 nm), with 0.14 of green in the team's photograph.
 const BOARD_BLUE: [f64; 2] = [0.121, 0.098];
 /// Chromaticity of white, that of D65.
 const WHITE: [f64; 2] = [0.3127, 0.329];
@@ -147,10 +144,9 @@ fn lit_by(
 /// to the right of the camera, contains two such strands, 11 and 20 mm ahead in its stem and 17 and
 /// 25 mm ahead in its bowl, as far to the left and right as the motors. The band has sharp edges.
 /// Beyond the last pixel above level 200, green falls to 0.26, 0.016 and 0.005 of saturation (in
-/// our render 0.34, 0.023 and 0.005). The front of the drone is therefore modeled as a block
-/// instead of a Gaussian lamp. Fitted to the photograph, 1.2 % of a headlight's light goes to its
-/// side, arms, mounts and propellers reflect 0.13 cd of both headlights, and a motor reflects 0.03
-/// cd of each.
+/// our render 0.34, 0.023 and 0.005). The drone's front is therefore modeled as a block instead of
+/// a Gaussian lamp. Fitted to the photograph, 1.2 % of a headlight's light goes to its side, arms,
+/// mounts and propellers reflect 0.13 cd of both headlights, and a motor reflects 0.03 cd of each.
 ///
 /// The deck and the battery are assumed to hide a headlight beyond 120° from its beam.
 ///

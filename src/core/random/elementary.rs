@@ -70,8 +70,8 @@ const C: [f64; 6] = [
 #[inline(always)]
 pub(super) fn sincos(x: f64) -> (f64, f64) {
     const QUARTER: [f64; 2] = [1.570_796_326_734_125_6, 6.077_100_506_506_192e-11];
-    // The nearest multiple of a quarter turn is subtracted in two parts, which leaves a remainder a
-    // and a rounding error b. The constants are the high words of π/4, 3π/4, 5π/4 and 7π/4, as msun
+    // Subtracting the nearest multiple of a quarter turn in two parts leaves a remainder a and a
+    // rounding error b. The constants are the high words of π/4, 3π/4, 5π/4 and 7π/4, as msun
     // compares them.
     let from = |word: u64| if x >= high(word + 1) { 1.0 } else { 0.0 };
     let quarters = from(0x3fe9_21fb) + from(0x4002_d97c) + from(0x400f_6a7a) + from(0x4015_fdbc);

@@ -17,8 +17,7 @@ use crate::digest::{fnv_1a, hmac_sha256};
 /// direction. A larger number would take more time.
 const WAVES: usize = 8;
 
-/// Smallest secret seed. Smaller seeds can be found by trial, so each has one key for all its
-/// streams.
+/// Smallest secret seed. A smaller seed, which can be found by trial, has one key for all streams.
 pub const PUBLIC_SEEDS: u64 = 1 << 32;
 
 /// Returns the named random stream for a seed. Each stream of a secret seed has a separate key of
@@ -87,8 +86,7 @@ struct Wave {
 }
 
 impl<const N: usize> Field<N> {
-    /// Creates a field with standard deviation `sigma` per component and correlation length
-    /// `length_m`.
+    /// Creates a field with the standard deviation `sigma` and the correlation length `length_m`.
     pub fn new(noise: &mut Noise, sigma: f64, length_m: f64) -> Self {
         let waves = [(); N].map(|()| {
             [(); WAVES].map(|()| Wave {

@@ -263,8 +263,7 @@ impl Tour<'_> {
     /// (`usize::MAX` if there is none).
     fn best_ends(&self, visits: &[Visit]) -> Vec<(f64, usize)> {
         let (n, full) = (visits.len(), (1_usize << self.ways.len()) - 1);
-        // Every transit is computed only once. Two ways of the same stroke have no transit between
-        // them.
+        // Every transit is computed once. There is none between two ways of the same stroke.
         let between_s = |a: &Visit, b: &Visit| {
             if a.0 == b.0 { f64::INFINITY } else { self.between_s(Some(*a), Some(*b)) }
         };
@@ -296,8 +295,7 @@ impl Tour<'_> {
     /// Returns the strokes of a tour in the same order with the best directions, found as a
     /// shortest path through layers of ways (Viterbi 1967).
     fn best_ways(&self, visits: &[Visit]) -> Vec<Visit> {
-        // A layer contains, for each way of a stroke, the least time so far and the previous
-        // stroke's way.
+        // For each way of a stroke, a layer contains the least time so far and the previous way.
         let mut layers: Vec<Vec<(f64, usize)>> = Vec::with_capacity(visits.len());
         for (index, (stroke, _)) in visits.iter().enumerate() {
             let ways = 0..self.ways[*stroke].len();
@@ -329,8 +327,7 @@ impl Tour<'_> {
     }
 }
 
-/// Returns the minimum time along an axis over a distance, from one velocity to another, within
-/// limits.
+/// Returns the minimum time along an axis for a distance, between two velocities, within limits.
 fn axis_s(path_m: f64, from_m_s: f64, to_m_s: f64, speed_m_s: f64, limit_m_s2: f64) -> f64 {
     // The axis is reversed if necessary, so that the drone first accelerates and then brakes.
     let direct_m = 0.5 * (from_m_s + to_m_s) * (to_m_s - from_m_s).abs() / limit_m_s2;

@@ -35,8 +35,7 @@ impl Part {
             let hint = "import a log with positions (mocap, Lighthouse or an estimator)";
             return Err(Error::input("flight", "no position", "columns x_m, y_m, z_m", hint));
         }
-        // For each part, the samples are selected, with the problem and the remedy if there are
-        // none.
+        // Each part has its samples, and a problem and a remedy for the case that there are none.
         let samples = &flight.samples;
         let (samples, actual, hint) = match self {
             Self::All => (samples.clone(), "no sample", "name a file that contains a flight"),

@@ -11,8 +11,7 @@ use noctograph_core::geometry::Chords;
 /// rounding unit, a straight stroke becomes a single segment.
 const TOLERANCE_M: f64 = 2e-6;
 
-/// Position of the design over time. The position is constant before the first and after the last
-/// sample.
+/// Position of the design over time, which is constant before the first and after the last sample.
 #[derive(Clone, Debug)]
 pub struct DesignPath {
     corners: Vec<Corner>,
@@ -46,8 +45,7 @@ impl Segments {
         self.starts_m.len()
     }
 
-    /// Returns the squared distance of a point from the nearest of several consecutive segments in
-    /// m².
+    /// Returns the squared distance of a point from the nearest of consecutive segments in m².
     ///
     /// The search goes from the middle to both ends, [`LANES`] segments at a time. Along the path,
     /// the distance from the point changes by at most the length of the path. Segments that cannot
@@ -77,8 +75,7 @@ impl Segments {
         least_m2
     }
 
-    /// Returns the path length on either side of a segment's start without a point nearer than
-    /// `least_m2`.
+    /// Returns the path length around a segment's start without a point nearer than `least_m2`.
     #[inline(always)]
     fn skipped_m(&self, point_m: Vector2<f64>, segment: usize, least_m2: f64) -> f64 {
         let [x, z] = [0, 1].map(|axis| self.columns[axis].get(segment).copied());
@@ -204,8 +201,7 @@ impl Walk<'_> {
         self.segment
     }
 
-    /// Returns the distance in m from a point to the design's path between two times, in the x-z
-    /// plane.
+    /// Returns the x-z distance in m from a point to the design's path between two times.
     pub fn distance_m(&mut self, point_m: Vector3<f64>, [from_s, to_s]: [f64; 2]) -> f64 {
         let from_m = self.at_m(from_s);
         let (path, first, point_m) = (self.path, self.segment, point_m.xz());
@@ -216,8 +212,7 @@ impl Walk<'_> {
         if first == last {
             return near(from_m, to_m).sqrt();
         }
-        // The path consists of parts of the first and last segments, and of all segments between
-        // them.
+        // The path consists of parts of the first and last segments, and all segments between them.
         let ends_m2 = near(from_m, path.end_m(first)).min(near(path.end_m(last - 1), to_m));
         let segments = &path.segments;
         let inner_m2 =
@@ -240,8 +235,7 @@ impl DesignPath {
         start.at_m + (end.at_m - start.at_m) * fraction(start, end, time_s)
     }
 
-    /// Returns the corners at the ends of the segment that begins at a corner. The last one has no
-    /// end.
+    /// Returns the corners at both ends of the segment from a corner. The last one has no end.
     #[inline(always)]
     fn ends(&self, index: usize) -> (&Corner, Option<&Corner>) {
         (&self.corners[index], self.corners.get(index + 1))

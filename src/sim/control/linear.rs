@@ -104,8 +104,7 @@ fn rank(columns: Matrix) -> usize {
 /// the stability boundary and a matrix that is not finite count as unstable.
 pub fn is_hurwitz(a: &Matrix) -> bool {
     // The Cayley transform (1 + A)(1 − A)⁻¹ maps the left half-plane to the unit disc. Its powers
-    // vanish exactly if all eigenvalues are inside the disc, which repeated squaring quickly
-    // reveals.
+    // vanish exactly if all eigenvalues are inside, which repeated squaring reveals.
     let scaled = a / a.norm();
     let one = Matrix::identity(a.nrows(), a.ncols());
     let Some(inverse) = (&one - &scaled).try_inverse() else {

@@ -51,8 +51,7 @@ mod tests {
     use super::*;
     use crate::control::is_hurwitz;
 
-    /// Returns the error relative to the exact `k₁ = √(q₁/r)`, `k₂ = √(q₂/r + 2 k₁/b)` of `ẍ = b
-    /// u`.
+    /// Returns the error relative to `k₁ = √(q₁/r)`, `k₂ = √(q₂/r + 2 k₁/b)` for `ẍ = b u`.
     fn double_integrator_error(b: f64, q1: f64, q2: f64, r: f64) -> f64 {
         let k = lqr(
             &dmatrix![0.0, 1.0; 0.0, 0.0],

@@ -7,11 +7,9 @@ use nalgebra::{Complex, DVector};
 use super::Matrix;
 use super::linear::{is_hurwitz, with_states};
 
-/// Lowest and highest frequency of the sweep in rad/s, far beyond the crossovers of a drone's
-/// loops.
+/// Lowest and highest frequency of the sweep in rad/s, far beyond a drone's crossovers.
 const SWEEP_RAD_S: [f64; 2] = [1e-3, 1e4];
-/// Number of steps of the sweep. With steps of 0.4 %, only two crossings within one step are
-/// missed.
+/// Number of steps of the sweep. Only two crossings within a step of 0.4 % are missed.
 const SWEEP_STEPS: u32 = 4000;
 /// Number of bisections of the step around a crossing, which reduce its 0.4 % to 1e-12.
 const HALVINGS: u32 = 30;
@@ -19,8 +17,7 @@ const HALVINGS: u32 = 30;
 /// Margins of one loop, which is opened at its input while the other loops stay closed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Margins {
-    /// Largest factor above 1 on the input up to which the loop is stable, or `None` if it always
-    /// is.
+    /// Largest factor above 1 on the input up to which the loop is stable, or `None` if unlimited.
     pub gain_up: Option<f64>,
     /// Smallest factor below 1 down to which the loop is stable, or `None` if there is no limit.
     pub gain_down: Option<f64>,
@@ -35,7 +32,7 @@ pub struct Margins {
 /// The margins follow from the loop's frequency response `L(iω) = k (iω − A)⁻¹ b` between 1e-3 and
 /// 1e4 rad/s. On its own plant, a linear-quadratic regulator has a phase margin of 60° and gain
 /// margins of 1/2 to infinity (Anderson, Moore, 1990, chapter 5). Returns `None` if the closed loop
-/// is not stable.
+/// is unstable.
 pub fn margins(a: &Matrix, b: &Matrix, k: &Matrix) -> Option<Vec<Margins>> {
     let closed = a - b * k;
     let margins = (0..b.ncols()).map(|i| {

@@ -16,11 +16,10 @@ const CONVERGED: f64 = 1e-15;
 /// rounding of `X` itself causes 1e-16, and well-posed problems leave 1e-12 or less.
 const MAX_RESIDUAL: f64 = 1e-10;
 /// Residual relative to the terms (`‖Q‖ + ‖XGX‖`) above which a solution is refined. The reference
-/// flight's problem leaves a residual of 1e-15. Weights that differ by six decades leave a residual
-/// of up to 1e-5.
+/// flight's problem leaves 1e-15, and weights that differ by six decades up to 1e-5.
 const REFINED_FROM: f64 = 1e-13;
-/// Maximum number of refinement steps. Each step squares the error, so only rounding errors remain
-/// after two.
+/// Maximum number of refinement steps. Each step squares the error, so only rounding remains after
+/// two.
 const MAX_REFINEMENTS: usize = 2;
 /// Maximum number of shifts of the Cayley transform that are tried, each [`SHIFT_GROWTH`] times the
 /// previous one. A second shift is needed only if the first is an eigenvalue of `A`.

@@ -14,8 +14,8 @@ use crate::vehicle::{State, attitude, position, velocity};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::error::Result;
 
-/// Minimum acceleration per unit throttle in m/s², because a gain of zero or less would make the
-/// loop unstable.
+/// Minimum acceleration per unit throttle in m/s², because a gain of 0 or less destabilizes the
+/// loop.
 const LEAST_GAIN_M_S2: f64 = 1.0;
 /// Vertical velocity error in m/s that costs as much as an error of `controller.altitude.error_m`.
 const ERROR_M_S: f64 = 1.0;
@@ -66,8 +66,7 @@ pub(super) struct AltitudeHold {
 }
 
 impl AltitudeHold {
-    /// Creates the controller that the options describe, with the vehicle's thrust map until one is
-    /// given.
+    /// Creates the controller of the options, with the vehicle's thrust map until one is given.
     pub(super) fn new(options: &SimOptions) -> Result<Self> {
         let gain_m_s2 = GRAVITY_M_S2 / options.vehicle.hover_throttle();
         Ok(Self {

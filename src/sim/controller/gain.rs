@@ -11,8 +11,7 @@ use crate::control::{dynamic, lqr, with_input_lag};
 use crate::options::{LqrOptions, MotorLag, SimOptions};
 use noctograph_core::error::{Error, Result};
 
-/// Feedback `u = u_ref − K (x̂ − x_ref) − K_u (û − u_ref)`, in which û is the modeled rotors'
-/// output.
+/// Feedback `u = u_ref − K (x̂ − x_ref) − K_u (û − u_ref)` with the modeled rotors' output û.
 #[derive(Clone, Debug)]
 pub(crate) struct Gain {
     /// Gain K, 4×12, or 4×15 with integral action.
@@ -22,9 +21,8 @@ pub(crate) struct Gain {
 }
 
 impl Gain {
-    /// Returns the gain for the model `ẋ = A x + B u` of [`with_integrals`], which is the given
-    /// gain, or the one computed from the weights. Returns an error if no gain stabilizes the
-    /// model.
+    /// Returns the gain for the model `ẋ = A x + B u` of [`with_integrals`], which is given or
+    /// computed from the weights. Returns an error if no gain stabilizes the model.
     pub(crate) fn new(options: &SimOptions, [a, b]: &[DMatrix<f64>; 2]) -> Result<Self> {
         let weights = &options.controller.lqr;
         let n = a.nrows();

@@ -17,8 +17,7 @@ use crate::vehicle::{Mixer, State};
 use noctograph_core::error::Result;
 
 /// Step of the differences, which is 0.1 mm, 0.1 mm/s, 0.1 mrad, 0.1 mrad/s, and as much in the
-/// units of the memory. At this step, no loop saturates, and rounding errors stay below 1e-9 of a
-/// gain.
+/// units of the memory. At this step, no loop saturates, and rounding is below 1e-9 of a gain.
 const STEP: f64 = 1e-4;
 
 /// Numbers of states of the drone and of inputs of the wrench.
@@ -54,7 +53,7 @@ impl LinearController {
         Ok(Self { k, h, f, g }.continuous(tick_s))
     }
 
-    /// Returns the continuous system from which Tustin's `s = 2 (z − 1) / (T (z + 1))` gives this
+    /// Returns the continuous system that Tustin's `s = 2 (z − 1) / (T (z + 1))` converts to this
     /// one.
     fn continuous(self, tick_s: f64) -> Self {
         // With M = (1 + F)⁻¹: F_c = 2/T (F − 1) M, K_c = K − H M G, H_c = 4/T H M².
@@ -147,7 +146,7 @@ mod tests {
         let remaining = libm::exp(-0.1 * tick_s / lag_s);
         let (mut state, hover) = (State::zeros(), vehicle.hover());
         controller.rest(&state);
-        // At rest, the cascade does not command the hover thrust, which comes from its integral in
+        // At rest, the cascade does not command the hover thrust, which its integral adds in
         // flight.
         let base = mixer.wrench(&controller.command(&state, &at_rest).motors);
         controller.rest(&state);

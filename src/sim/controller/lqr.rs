@@ -44,7 +44,7 @@ pub(super) struct Lqr {
 impl Lqr {
     /// Creates the regulator that the options describe, from the hover model with a centered mass.
     pub(super) fn new(options: &SimOptions) -> Result<Self> {
-        // The model is linearized at hover and augmented by integrals, and the gain is split by
+        // The model is linearized at hover and augmented by integrals. The gain is split by
         // columns.
         let vehicle = &options.vehicle;
         let hover = vehicle.hover();

@@ -1,8 +1,7 @@
 //! Controllers, which convert an estimate and a setpoint to motor commands.
 //!
 //! The trait has four implementations, which [`ControllerKind`] selects. A controller runs
-//! `rates.attitude_hz` times per second, and its command is held between two runs as in the
-//! firmware.
+//! `rates.attitude_hz` times per second, and its command is held between runs.
 
 mod altitude;
 mod gain;
@@ -35,8 +34,7 @@ pub(super) trait Controller: std::fmt::Debug + Send {
     /// Resets the integrals while the motors are off.
     fn rest(&mut self, estimate: &State);
 
-    /// Prepares for a change in the kind of setpoint, to level out, to resume the flight, or to
-    /// land.
+    /// Prepares for a change in the kind of setpoint, to level out, resume the flight or land.
     fn change_mode(&mut self, _: &State) {}
 
     /// Changes estimate and reference so that the drone flies level at the height of the last

@@ -99,8 +99,7 @@ impl Pid {
 
     /// Returns the output for an error and for the measurement from which the error was computed.
     fn update(&mut self, error: f64, measured: f64) -> f64 {
-        // The derivative is taken of the measurement, so that a step of the setpoint causes no
-        // kick.
+        // The derivative is that of the measurement, so a step of the setpoint causes no kick.
         let [kp, ki, kd] = self.gains;
         let rate = (measured - self.measured) / self.dt_s;
         let rate = self.filter.as_mut().map_or(rate, |filter| filter.update(rate));
@@ -212,8 +211,8 @@ impl PidCascade {
         self.thrust = (up * THRUST_SCALE + self.thrust_base).clamp(THRUST_MIN, FULL);
     }
 
-    /// Runs the attitude and rate loops with a desired yaw of 0. Returns the commands for roll,
-    /// pitch and yaw.
+    /// Runs the attitude and rate loops with a desired yaw of 0. Returns roll, pitch and yaw
+    /// commands.
     fn run_attitude_loops(&mut self, estimate: &State) -> [f64; 3] {
         let angles = angles(estimate);
         let rates = rate(estimate).map(f64::to_degrees);

@@ -12,8 +12,7 @@ use noctograph_core::plan::Setpoint;
 pub(crate) struct Reference {
     /// Position as sent in m, held until the next setpoint.
     pub(super) held_m: Vector3<f64>,
-    /// Present reference position in m, including the offset of the sent position from the
-    /// setpoint.
+    /// Present reference position in m, including the sent position's offset from the setpoint.
     pub(crate) position_m: Vector3<f64>,
     pub(crate) velocity_m_s: Vector3<f64>,
     /// Reference acceleration in m/s².
@@ -23,8 +22,7 @@ pub(crate) struct Reference {
 }
 
 impl Reference {
-    /// Returns the reference at a time after a setpoint. `sent_m` is the position that is sent for
-    /// the setpoint.
+    /// Returns the reference at a time after a setpoint, for which the position `sent_m` is sent.
     pub(crate) fn from_setpoint(setpoint: &Setpoint, sent_m: Vector3<f64>, time_s: f64) -> Self {
         let since_s = time_s - setpoint.time_s;
         Self {

@@ -46,11 +46,9 @@ const RANGES_KEPT: usize = 256;
 
 #[derive(Debug)]
 pub(crate) struct Cooperative {
-    /// Filter for all drones, with this drone first, followed by the others in the order of
-    /// `peers`.
+    /// Filter for all drones, first this drone and then the others in the order of `peers`.
     joint: Ekf,
-    /// Attitude, velocity and position from the inertial sensors only, which are sent to other
-    /// drones.
+    /// Attitude, velocity and position from inertial sensors only, which are sent to other drones.
     inertial: Inertial,
     /// Velocity and position from the inertial sensors with the estimated attitude.
     dead_reckoning: Reckoning,
@@ -82,8 +80,8 @@ struct Peer {
     motions: VecDeque<Reckoning>,
 }
 
-/// Returns the standard deviations of position (m), velocity (m/s) and tilt (rad) of a drone at the
-/// start.
+/// Returns the initial standard deviations of a drone's position (m), velocity (m/s) and tilt
+/// (rad).
 pub(super) fn start_sigmas(options: &CooperativeOptions) -> [f64; 3] {
     [options.start_sigma_m, START[1], options.start_tilt_rad]
 }
@@ -99,8 +97,7 @@ impl Cooperative {
         let start_m = fleet.members[fleet.place].start_m;
         let sigmas = start_sigmas(&options.cooperative);
         let normal = Normal::of_drones(fleet.members.len(), sigmas, &[]);
-        // Each other drone begins with a message at time zero, which precedes its first real
-        // message.
+        // Each other drone begins with a message at time zero, before its first real message.
         let others = fleet.members.iter().enumerate().filter(|(place, _)| *place != fleet.place);
         let peers = others.map(|(place, member)| Peer {
             place,
@@ -213,8 +210,7 @@ impl Cooperative {
         }
     }
 
-    /// Corrects the estimate with stored ranges to peer `k`, up to the time of the peer's last
-    /// message.
+    /// Corrects the estimate with stored ranges to peer `k`, up to the time of its last message.
     fn correct_waiting(&mut self, k: usize, message: &Message) {
         let waiting = std::mem::take(&mut self.waiting);
         for (place, distance_m, then) in waiting {
@@ -365,8 +361,7 @@ impl Estimator for Cooperative {
                 Source::To(target) => {
                     gate.correct(normal, (*place, target), measurement);
                 }
-                // These measurements belong to no link to an anchor or a drone, and are therefore
-                // not gated.
+                // These measurements belong to no link to an anchor or a drone, and are not gated.
                 Source::Sweep { .. } | Source::Position => {
                     normal.correct(measurement, |_| true);
                 }

@@ -1,8 +1,8 @@
 //! Driver of the Lighthouse deck, which determines the sweeps that reach the Kalman filter.
 //!
 //! Both sweeps of a rotation are passed on when the second one arrives. A rotation that lacks a
-//! sweep is dropped. About 50 rotations per second are kept, at random, over all second-generation
-//! stations.
+//! sweep is dropped. About 50 rotations per second from all second-generation stations are kept at
+//! random.
 //!
 //! The sources are `pulse_processor_v2.c` (pairing of sweeps), `lighthouse_core.c` (use of the
 //! second sweep) and `lighthouse_throttle.c` of firmware 2026.08.
@@ -82,8 +82,8 @@ impl Deck {
     }
 
     /// Returns both planes' angles at the second sweep of a rotation, or `None` at the first one or
-    /// if the first was missed. If a reflection causes two first sweeps, the one with the smaller
-    /// angle is used.
+    /// if the first was missed. Of two first sweeps (a reflection), the one with the smaller angle
+    /// is used.
     fn pair(&mut self, sweep: &Sweep, time_s: f64) -> Option<[[f64; 4]; 2]> {
         let first = &mut self.first[sweep.station];
         let recent = first.filter(|(then_s, _)| time_s - then_s < LONGEST_PAIR_S);

@@ -10,8 +10,7 @@ use nalgebra::{Matrix3, Vector3};
 use crate::kalman::{ERRORS, Part, TURN, VELOCITY};
 use crate::sensors::{Reckoning, Segment};
 
-/// Maximum time in s between messages over which motion is interpolated, because strokes are
-/// curved.
+/// Maximum time in s between messages for interpolation of motion, because strokes are curved.
 const LONGEST_GAP_S: f64 = 0.3;
 /// Time in s from a message within which the motion is interpolated in any case.
 const NEAR_S: f64 = 0.05;
@@ -26,9 +25,8 @@ pub(super) struct DelayedState {
 }
 
 impl DelayedState {
-    /// Returns the Jacobian of a measurement along a direction at this position. The tilt of this
-    /// drone is in its body frame (`world_from_body`), and those of other drones are in the world
-    /// frame.
+    /// Returns the Jacobian of a measurement along a direction at this position. This drone's tilt
+    /// is in its body frame (`world_from_body`), and those of other drones are in the world frame.
     pub(super) fn jacobian(
         &self,
         drone: usize,

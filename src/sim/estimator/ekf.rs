@@ -229,8 +229,7 @@ impl Model {
     ) -> ([Part; 2], f64, f64) {
         let crossing =
             self.stations[station].crossing(plane, &(position_m + world_from_body * lever));
-        // A rotation θ of the body moves the sensor by R (θ × lever), and the gradient is lever ×
-        // Rᵀ g.
+        // A rotation θ of the body moves the sensor by R (θ × lever). The gradient is lever × Rᵀ g.
         let position = crossing.gradient_rad_m;
         let turn = lever.cross(&world_from_body.tr_mul(&position));
         let jacobian = [Part::Three(0, position), Part::Three(TURN, turn)];
@@ -298,8 +297,8 @@ impl Model {
                 each(source, &[Part::One(2, 1.0)], measured_m - position_m.z, variance);
             } else if cos_tilt >= LEAST_COS_TILT {
                 // The expected distance is d = (z − floor) / cos tilt. A rotation changes the
-                // cosine by the other two entries in its row. The step test requires the floor to
-                // be last.
+                // cosine by the other two entries in its row. The floor must be last for the step
+                // test.
                 let expected_m = (position_m.z - self.floor_m) / cos_tilt;
                 let [x, y] = [0, 1].map(|axis| world_from_body[(2, axis)]);
                 let turn = Vector3::new(y, -x, 0.0) * (expected_m / cos_tilt);

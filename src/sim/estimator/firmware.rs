@@ -49,8 +49,7 @@ const YAW_SIGMA_RAD: f64 = 0.01;
 const LEAST_DIAGONAL_M: f64 = 1e-4;
 /// Minimum cosine of the tilt at which a range to the floor is used (`mm_tof.c`).
 const LEAST_COS_TILT: f64 = 0.1;
-/// Full angle in rad of the cone within which the ranger measures the nearest point of the floor
-/// (`mm_tof.c`).
+/// Full angle in rad of the ranger's cone, in which it measures the nearest point (`mm_tof.c`).
 const RANGER_CONE_RAD: f64 = 0.261_799_387_8;
 
 #[derive(Debug)]
@@ -65,8 +64,7 @@ pub(super) struct Firmware {
     world_from_body: Matrix3<f64>,
     /// Attitude error in rad since the end of the last tick.
     turn_rad: Vector3<f64>,
-    /// Errors of position, velocity and attitude. The mean of these errors is added to the state
-    /// immediately.
+    /// Errors of position, velocity and attitude, whose mean is added to the state immediately.
     pub(super) normal: Normal,
     rate_rad_s: Vector3<f64>,
     /// Sums of the rates and forces since the last prediction, their number, and their last means.
@@ -117,8 +115,7 @@ impl Firmware {
         }
     }
 
-    /// Advances the state and its covariance over a span, with the mean inertial readings of the
-    /// span.
+    /// Advances the state and its covariance over a span, with the span's mean inertial readings.
     fn predict(&mut self, span_s: f64) {
         let (sums, n) = (std::mem::take(&mut self.sums), std::mem::take(&mut self.n_summed));
         if n > 0.0 {
@@ -214,15 +211,14 @@ impl Firmware {
         Some(0.5 * (diagonals_rad[0]? + diagonals_rad[1]?))
     }
 
-    /// Corrects the state with the yaw error at the beginning of the tick, minus the rotation since
+    /// Corrects the state with the yaw error at the tick's beginning, minus the rotation since
     /// then.
     fn correct_yaw(&mut self, yaw_error_rad: f64) {
         let error_rad = self.turn_rad.z - yaw_error_rad;
         self.correct(&[Part::One(TURN + 2, 1.0)], error_rad, YAW_SIGMA_RAD * YAW_SIGMA_RAD);
     }
 
-    /// Corrects the state with a range, or with a range difference that is possible and not an
-    /// outlier.
+    /// Corrects the state with a range, or with a possible range difference that is not an outlier.
     fn correct_by_range(&mut self, range: &Range) {
         let (jacobian, error_m, variance) = self.model.range(range, &self.position_m);
         if let Some(other) = range.minus {
@@ -247,8 +243,7 @@ impl Firmware {
         }
         let cos_tilt = self.world_from_body[(2, 2)];
         for &(sensor, measured_m) in readings.heights {
-            // The ratio of distance to height is 1 / cos of the tilt in excess of half the ranger's
-            // cone.
+            // Distance / height is 1 / cos of the tilt in excess of half the ranger's cone.
             let mut per_m = 1.0;
             if sensor.looks_down() {
                 if cos_tilt <= LEAST_COS_TILT {
@@ -284,7 +279,7 @@ impl Firmware {
         self.bound();
     }
 
-    /// Computes `P ← Φ P Φᵀ`, and makes P symmetric. Without a drift, Φ only rotates the attitude
+    /// Computes `P ← Φ P Φᵀ`, and makes P symmetric. Without a drift, Φ rotates only attitude
     /// errors.
     fn transform(&mut self, drift: Option<&Drift>, turn: &Matrix3<f64>) {
         let columns = self.normal.covariance.as_mut_slice().as_chunks_mut().0;

@@ -64,8 +64,7 @@ impl Estimator for Observer {
         if let Some(measured_m) = readings.position_m {
             self.measured_m = turned(&measured_m, -self.heading_rad);
         }
-        // Euler's method is used for the integration, and the last position is held between two
-        // fixes.
+        // Euler's method integrates the estimate. The last position is held between two fixes.
         let u = w.push(readings.specific_force_m_s2.z - GRAVITY_M_S2);
         self.estimate += (self.a * self.estimate + self.b * u + self.l * self.measured_m) * tick_s;
         self.yaw_rad += w.z * tick_s;

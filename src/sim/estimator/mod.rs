@@ -97,8 +97,7 @@ impl Estimator for RigidBody {
     }
 }
 
-/// Returns all twelve states of a motion, with the given velocity in the world frame instead of its
-/// own.
+/// Returns all twelve states of a motion, but with the given velocity in the world frame.
 fn state_at(motion: &Inertial, velocity_m_s: &Vector3<f64>) -> State {
     let world_from_body = motion.attitude.matrix();
     let velocity_m_s = world_from_body.tr_mul(velocity_m_s);

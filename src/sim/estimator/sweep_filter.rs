@@ -12,8 +12,8 @@
 
 /// Minimum error of a bad sweep in m (`lhMaxError`).
 const BAD_M: f64 = 0.05;
-/// Bounds in ms of the time for which a sweep closes the filter, which stays open if that is
-/// negative.
+/// Bounds in ms of the time for which a sweep closes the filter. If negative, the filter stays
+/// open.
 const WINDOW_MS: [f64; 2] = [-16.0, 40.0];
 /// Changes of the closing time in ms after a good and after a bad sweep.
 const GOOD_MS: f64 = 4.0;
@@ -41,8 +41,7 @@ impl SweepFilter {
         self.closed_ms -= 1e3 * time_s;
     }
 
-    /// True if a sweep with this error is used. The call also updates the time for which the filter
-    /// is closed.
+    /// True if a sweep with this error is used. The call also updates the closing time.
     pub(super) fn accepts(&mut self, error_m: f64) -> bool {
         let is_good = error_m.abs() < BAD_M;
         let change_ms = if is_good { GOOD_MS } else { BAD_MS };

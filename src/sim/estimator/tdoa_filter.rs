@@ -13,7 +13,7 @@ const OPENS_MS: f64 = 0.1 * SIZE_MS;
 const CLOSES_MS: f64 = 0.9 * SIZE_MS;
 /// Maximum change of the integrator by one difference, in ms.
 const LONGEST_MS: f64 = 0.1 * SIZE_MS;
-/// Maximum error, in standard deviations, of a good difference, and of one that a closed filter
+/// Maximum errors, in standard deviations, of good differences and of those a closed filter
 /// accepts.
 const GOOD_SIGMAS: f64 = 2.0;
 const ACCEPTED_SIGMAS: f64 = 2.5;
@@ -40,8 +40,7 @@ impl TdoaFilter {
         let added_ms = if is_good { passed_ms } else { -passed_ms };
         self.integrator_ms = (self.integrator_ms + added_ms).clamp(0.0, SIZE_MS);
         let is_accepted = !self.closed || error_m.abs() < ACCEPTED_SIGMAS * sigma_m;
-        // The filter has hysteresis, because it opens at a lower level than that at which it
-        // closes.
+        // The filter has hysteresis, because its opening level is below its closing level.
         self.closed = if self.closed {
             self.integrator_ms >= OPENS_MS
         } else {

@@ -34,8 +34,7 @@ fn fly_default(plan: &Plan) -> Result<Flight> {
     flown(plan, &SimOptions::default(), 1)
 }
 
-/// Returns the time at which the motors stopped for lack of setpoints, in a flight with no other
-/// warning.
+/// Returns the time at which missing setpoints stopped the motors, if there is no other warning.
 fn silent_s(flight: &Flight) -> Option<f64> {
     match &flight.warnings[..] {
         [silent] if silent.code == "host-silent" => silent.number("time_s"),
@@ -186,8 +185,7 @@ fn hovering(below_m: f64, beside_m: f64, options: &SimOptions) -> Vec<Flight> {
 
 #[test]
 fn a_drone_that_hovers_below_another_lifts_what_the_downwash_takes() {
-    // Without integral action, or with positioning errors, the drones would not keep their
-    // positions.
+    // Without integral action, or with positioning errors, the drones would not hold position.
     let mut options = SimOptions::default();
     options.controller.kind = ControllerKind::LqrIntegral;
     options.observer.kind = EstimatorKind::Truth;
@@ -263,8 +261,7 @@ fn without_setpoints_lees_law_follows_the_last_one() {
     options.controller.kind = ControllerKind::Geometric;
     (options.radio.drones, options.radio.loss_frac) = (1, 1.0);
     let mut hover = plan(&[(0.0, 0.0, 0.8), (5.0, 0.0, 0.8)]);
-    // The controller reads only positions, so the setpoint's speed shifts the position that it
-    // follows.
+    // The controller reads only positions, so the setpoint's speed shifts its reference.
     hover.edit(|hover| hover.setpoints[0].velocity_m_s.x = 0.2);
     hover.edit(|hover| hover.setpoints[1].position_m.x = 1.0);
     let flight = flown(&hover, &options, 1).unwrap();

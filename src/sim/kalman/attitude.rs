@@ -17,8 +17,7 @@ impl Turned {
     }
 
     /// Returns the attitude after a rotation by a small rotation vector in the body frame. The
-    /// error is proportional to the vector's fifth power, and below 1e-9 rad for a tenth of a
-    /// radian.
+    /// error is proportional to the vector's fifth power, and below 1e-9 rad for 0.1 rad.
     #[inline(always)]
     pub fn by(&self, turn_rad: &Vector3<f64>) -> Self {
         Self(unit(self.0 * small(turn_rad)))
@@ -56,8 +55,7 @@ pub(crate) fn rotation([w, x, y, z]: [f64; 4]) -> Matrix3<f64> {
     )
 }
 
-/// Returns the quaternion of a small rotation vector, from the first terms of the sine and cosine
-/// series.
+/// Returns the quaternion of a small rotation vector, by the first terms of the sine and cosine.
 #[inline(always)]
 fn small(turn_rad: &Vector3<f64>) -> Quaternion<f64> {
     // The terms are sin(θ/2)/θ = 1/2 − θ²/48 and cos(θ/2) = 1 − θ²/8 + θ⁴/384.
@@ -70,8 +68,7 @@ fn small(turn_rad: &Vector3<f64>) -> Quaternion<f64> {
 #[inline(always)]
 fn unit(q: Quaternion<f64>) -> Quaternion<f64> {
     let square = q.norm_squared();
-    // Near a length of 1, a step of Newton's method squares the error without needing a square
-    // root.
+    // Near a length of 1, a step of Newton's method squares the error without a square root.
     let is_near_one = (square - 1.0).abs() < 1e-8;
     q * if is_near_one { 1.5 - 0.5 * square } else { 1.0 / square.sqrt() }
 }

@@ -55,8 +55,8 @@ pub struct Span {
 }
 
 /// Returns the increase per second in the variance of integrated white noise, which is the noise's
-/// two-sided spectral density. `per_sqrt_hz` is the one-sided noise density, as in data sheets and
-/// scene keys.
+/// two-sided spectral density. `per_sqrt_hz` is the one-sided density, as in data sheets and scene
+/// keys.
 pub fn variance_rate(per_sqrt_hz: f64) -> f64 {
     0.5 * (per_sqrt_hz * per_sqrt_hz)
 }
@@ -107,14 +107,12 @@ impl Inertial {
         acceleration
     }
 
-    /// True if the covariance must be propagated now, for a measurement or 10 ms after the last
-    /// time.
+    /// True if the covariance must be propagated, for a measurement or 10 ms after the last time.
     pub fn is_due(&self, measured: bool) -> bool {
         measured || self.span_s >= LONGEST_SPAN_S
     }
 
-    /// Returns the span since the last propagation of the covariance. The next span begins at this
-    /// tick.
+    /// Returns the span since the last covariance propagation. The next span begins at this tick.
     pub fn span(&mut self, force_m_s2: &Vector3<f64>) -> Span {
         self.world_from_body = self.attitude.matrix();
         Span {

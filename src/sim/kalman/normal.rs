@@ -152,8 +152,8 @@ impl Normal {
         }
         Innovation {
             value: value - product(jacobian, self.mean.as_slice()),
-            // Rounding can make the sum negative if the states are far more accurate than the
-            // reading.
+            // Rounding can make the sum negative if the reading is far less accurate than the
+            // states.
             variance: product(jacobian, &self.gain).max(0.0) + variance,
         }
     }

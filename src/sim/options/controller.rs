@@ -179,8 +179,7 @@ impl ControllerOptions {
         Err(Error::input("controller.lqr.k", given, wanted, hint))
     }
 
-    /// Returns the kind of setpoint that the host sends while the drone writes, and that checks
-    /// use.
+    /// Returns the kind of setpoint that the host sends during writing, and that checks use.
     pub fn sends(&self) -> SetpointKind {
         match self.kind {
             ControllerKind::Pid => self.setpoints,

@@ -175,8 +175,7 @@ impl SimOptions {
 }
 
 impl RateOptions {
-    /// Returns the number of motor commands per second, which is `attitude_hz`, but at most one per
-    /// tick.
+    /// Returns the number of motor commands per second, `attitude_hz`, but at most one per tick.
     pub fn attitude_hz(&self) -> u32 {
         self.attitude_hz.min(self.control_hz)
     }

@@ -206,8 +206,7 @@ impl ObserverOptions {
         let gives_positions = sensors.positioning.gives_positions();
         let measures_altitude =
             sensors.positioning == Positioning::Gnss || !sensors.heights.is_empty();
-        // The Kalman filters can use any measurement, but other estimators require certain
-        // measurements.
+        // The Kalman filters can use any measurement, but other estimators require certain ones.
         let (kind, wanted) = match self.kind {
             EstimatorKind::Altitude if !measures_altitude => {
                 ("altitude without a sensor of altitude", "satellites, a ranger or a barometer")

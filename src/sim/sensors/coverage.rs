@@ -46,8 +46,7 @@ pub struct CoveredPoint {
     pub error_m: Option<f64>,
 }
 
-/// Returns the coverage of `[left, bottom, right, top]` in the plane at `y_m`, on a grid of
-/// `step_m`.
+/// Returns the coverage of `[left, bottom, right, top]` at the depth `y_m`, on a grid of `step_m`.
 ///
 /// # Errors
 ///
@@ -136,8 +135,8 @@ fn covered_point(options: &LighthouseOptions, point_m: &Vector3<f64>) -> Covered
             continue;
         }
         n_stations += 1;
-        // The errors of an angle are independent. An error in the station's position matters less
-        // at a distance.
+        // The errors of an angle are independent, and station position errors matter less at a
+        // distance.
         let distance_m = (point_m - pose.position_m).norm();
         let sigmas_rad = [
             options.sweep_noise_rad[usize::from(station.generation == Generation::V2)],

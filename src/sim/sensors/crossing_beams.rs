@@ -12,8 +12,7 @@ use super::Station;
 use super::lighthouse::{DECK_SENSORS_M, Sweep};
 use super::station::StationPose;
 
-/// Maximum age of an angle in s, which is 1.5 turns of the slowest rotor. A lost sweep costs one
-/// fix.
+/// Maximum age of an angle in s, 1.5 turns of the slowest rotor. A lost sweep costs one fix.
 const FRESH_S: f64 = 0.03;
 
 /// Combination of sweeps to positions.
@@ -64,8 +63,7 @@ impl CrossingBeams {
         }
         let mut middle = Vector3::zeros();
         for sensor in 0..DECK_SENSORS_M.len() {
-            // The normal equations N p = r give the point nearest to all rays in the least-squares
-            // sense.
+            // The normal equations N p = r give the least-squares point nearest to all rays.
             let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
             for heard in fresh.clone() {
                 let [first, second] = heard.angles_rad;

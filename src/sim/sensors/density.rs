@@ -24,8 +24,7 @@ pub(super) fn random_walk_density(values: &[f64], rate_hz: f64) -> [f64; 3] {
     })
 }
 
-/// Returns the increase per second in the variance of a series' integral, after removal of its
-/// mean.
+/// Returns the increase per second in the variance of a series' integral around its mean.
 pub(super) fn gathered(values: &[f64], rate_hz: f64) -> f64 {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;

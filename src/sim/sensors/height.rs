@@ -7,8 +7,7 @@ use super::{BarometerOptions, GnssOptions, TimeOfFlightOptions};
 use crate::vehicle::FloorOptions;
 use noctograph_core::random::Noise;
 
-/// Distance in m beyond which the ranger does not detect the floor (`zranger2.c` discards readings
-/// above 5 m).
+/// Maximum distance in m that the ranger measures (`zranger2.c` discards readings above 5 m).
 const TIME_OF_FLIGHT_RANGE_M: f64 = 5.0;
 
 /// Increase in m of the ranger's noise at a distance of 2.5 m.
@@ -46,7 +45,7 @@ impl TimeOfFlight {
         }
     }
 
-    /// Returns the distance to the floor in m, or `None` if no reading is due or no floor is within
+    /// Returns the distance to the floor in m, or `None` if none is due or no floor is within
     /// range.
     pub(super) fn read(
         &mut self,

@@ -58,8 +58,7 @@ pub(super) struct Lighthouse {
     /// Rotation from the room to the stations' frame, and scale of that frame.
     turn: Matrix3<f64>,
     scale: f64,
-    /// Distortion common to all stations, which arises because their joint solution distorts the
-    /// room.
+    /// Distortion common to all stations, because their joint solution distorts the room.
     bend: Field<3>,
     bend_m: Vector3<f64>,
     /// Time in s at which the distortion was computed.
@@ -74,8 +73,7 @@ pub(super) struct Lighthouse {
 #[derive(Debug)]
 struct Rotor {
     truth: StationPose,
-    /// Standard deviations in rad of the noise common to the deck's sensors, and of each sensor's
-    /// noise.
+    /// Standard deviations in rad of the noise common to the deck's sensors, and of each sensor.
     sigmas_rad: [f64; 2],
     /// Distortion of each plane as a function of the direction from the station.
     distortion: Field<2>,
@@ -126,8 +124,7 @@ impl Lighthouse {
         let bent_m = turn * position_m * self.scale + self.bend_m;
         for (station, rotor) in self.rotors.iter_mut().enumerate() {
             while let Some(plane) = rotor.due(time_s) {
-                // Noise is also drawn for unseen sweeps, so that no sweep affects the noise of
-                // another.
+                // Noise is also drawn for unseen sweeps, so that no sweep affects another's noise.
                 let is_lost = rotor.chance.uniform() < self.loss_frac;
                 let errors = rotor.errors_rad();
                 let world_from_body = world_from_body();
@@ -161,8 +158,7 @@ impl Lighthouse {
         &self.sweeps
     }
 
-    /// Returns the number of ticks for which fewer than two stations had been seen in the last 0.1
-    /// s.
+    /// Returns the number of ticks with fewer than two stations seen in the last 0.1 s.
     pub(super) fn blind_ticks(&self) -> u32 {
         self.blind_ticks
     }
@@ -214,8 +210,7 @@ impl Rotor {
         }
     }
 
-    /// Returns the next plane if it has passed by `time_s`, and counts it. Otherwise returns
-    /// `None`.
+    /// Returns and counts the next plane if it has passed by `time_s`. Otherwise returns `None`.
     fn due(&mut self, time_s: f64) -> Option<usize> {
         let plane = (self.passed % 2) as usize;
         let turns = f64::from(self.passed / 2) + self.phases[plane];

@@ -8,9 +8,8 @@
 //! the pane reflect according to Fresnel's equations for unpolarized light and a refractive index
 //! of 1.52.
 //!
-//! The edges of mirrors, light reflected by two mirrors, people who block reflected light, and the
-//! delay between a sweep and its reflection, because of which the firmware drops some sweeps, are
-//! not modeled.
+//! Mirror edges, light reflected by two mirrors, people who block reflected light, and the delay of
+//! a reflection, because of which the firmware drops some sweeps, are not modeled.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -83,8 +82,8 @@ impl Room {
             (axis_m - level_m * fraction).norm() < *radius
                 && station_m.z + path_m.z * fraction < PERSON_M
         });
-        // A drone blocks the light if the point of the path nearest to the ball's center is within
-        // the ball.
+        // A drone blocks the light if the path's point nearest to the ball's center is within the
+        // ball.
         let by_drone = drones_m.iter().any(|drone_m| {
             let to_m = drone_m - station_m;
             let fraction = to_m.dot(&path_m) / path_m.norm_squared();
@@ -180,8 +179,8 @@ mod tests {
 
     #[test]
     fn a_mirror_shows_the_station_behind_it() {
-        // A sweep that hits the deck's image is equivalent to a sweep from the station's image that
-        // hits the deck.
+        // A sweep that hits the deck's image is equivalent to one from the station's image to the
+        // deck.
         let mirror = Mirror { point_m: Vector3::x() * 2.0, facing: -Vector3::x(), is_glass: false };
         let options = LighthouseOptions::default();
         let pose = StationPose::new(&options.stations[0]);

@@ -1,5 +1,5 @@
-//! Lighthouse base station, with pose, field of view, and the angles at which its light planes
-//! cross a point.
+//! Lighthouse base station, with pose, field of view, and the angles of its light planes at a
+//! point.
 //!
 //! In a station's frame, x points forward (out of the front), y left and z up. Angles are those
 //! that the firmware computes with the factory calibration, so the calibrations in a configuration
@@ -24,8 +24,7 @@ pub(super) const RANGE_M: f64 = 6.0;
 /// which look up, still see it. The elevation of 6° is an assumption. Bitcraze recommends at least
 /// half a meter of height above the drone.
 const LOWEST_SINE: f64 = 0.1;
-/// Maximum sine of a slanted plane's lead, which is reached only outside the station's field of
-/// view.
+/// Maximum sine of a slanted plane's lead, reached only outside the station's field of view.
 const LARGEST_LEAD: f64 = 0.99;
 
 /// Pose of a base station, prepared for computation.
@@ -94,8 +93,7 @@ impl StationPose {
         Crossing { gradient_rad_m, ..crossing }
     }
 
-    /// Returns the unit vector in the world frame along which both planes intersect at these
-    /// angles.
+    /// Returns the world-frame unit vector along which both planes intersect at these angles.
     pub(crate) fn ray(&self, angles_rad: [f64; 2]) -> Vector3<f64> {
         let direction = match self.generation {
             Generation::V1 => Vector3::new(1.0, libm::tan(angles_rad[0]), libm::tan(angles_rad[1])),
@@ -162,8 +160,7 @@ mod tests {
     fn angles_are_those_of_geometry_by_hand() {
         let [v1, v2] = [Generation::V1, Generation::V2]
             .map(|generation| looking(generation, [0.0, 0.0, 1.0], [1.0, 0.0, 1.0]));
-        // A point 2 m ahead and 2 m to the left at the same height is at 45° for each plane of both
-        // generations.
+        // A point 2 m ahead and 2 m to the left at the same height is at 45° for each plane.
         let point = Vector3::new(2.0, 2.0, 1.0);
         for plane in [0, 1] {
             let angle_rad = v2.crossing(plane, &point).angle_rad;

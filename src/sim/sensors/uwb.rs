@@ -84,8 +84,7 @@ impl Errors {
     /// either sign for differences.
     fn add_to(&mut self, distance_m: f64, options: &UwbOptions, differences: bool) -> f64 {
         // A Laplace distribution is drawn from its quantile. The lower half uses 1 − 2 q, which has
-        // the same distribution as 2 q but is never zero. Both random numbers are drawn for each
-        // range.
+        // the same distribution as 2 q but is never zero. Both numbers are drawn for each range.
         let white_m = self.noise.normal() * options.noise_m;
         let [chance, uniform] = [self.outliers.uniform(), self.outliers.uniform()];
         let quantile = if differences { uniform } else { 0.5 + 0.5 * uniform };
@@ -175,8 +174,7 @@ impl Uwb {
                 Turn::Drones(i, j) if i == self.place || j == self.place => {
                     let drone = if i == self.place { j } else { i };
                     let (bias, errors) = &mut self.peers[drone];
-                    // The bias is evaluated at the midpoint, so that both drones measure the same
-                    // range.
+                    // The bias is that at the midpoint, so that both drones measure the same range.
                     let middle_m = (position_m + fleet_m[drone]) * 0.5;
                     let true_m = (position_m - fleet_m[drone]).norm();
                     let biased_m = true_m + bias.component(0, &middle_m);

@@ -198,8 +198,8 @@ mod tests {
         (battery.options.open_circuit_v, battery.options.resistance_ohm) = ([4.0; 11], 0.5);
         (battery.options.idle_current_a, battery.options.current_a_per_n) = (0.2, 6.0);
         (0..1000).for_each(|_| battery.drain(0.3, 0.002));
-        // At a current of 0.2 + 6 · 0.3 = 2 A, the voltage is 4 − 0.5 · 2 = 3 V, and the power is 6
-        // W for 2 s.
+        // At a current of 0.2 + 6 · 0.3 = 2 A, the voltage is 4 − 0.5 · 2 = 3 V, and 6 W flow for 2
+        // s.
         assert!((battery.energy_j - 12.0).abs() < 1e-9, "{} J", battery.energy_j);
     }
 

@@ -137,8 +137,7 @@ impl Inertia {
         }
     }
 
-    /// Returns an accelerometer's reading in flight, in the body frame (thrust and drag per unit
-    /// mass).
+    /// Returns an accelerometer's reading in flight (thrust and drag per unit mass, body frame).
     #[inline(always)]
     pub(super) fn specific_force_m_s2(
         &self,
@@ -161,8 +160,7 @@ impl Inertia {
         -Vector3::new(x + across, y + across, z).component_mul(airspeed_m_s)
     }
 
-    /// Returns the result of a classical Runge–Kutta step with loads at the step's start, middle
-    /// and end.
+    /// Advances the body by a classical Runge–Kutta step with loads at its start, middle and end.
     #[inline(always)]
     pub(super) fn step(
         &self,
@@ -371,8 +369,7 @@ mod tests {
         let body = RigidBody { velocity_m_s, ..RigidBody::resting_at(Vector3::zeros()) };
         let wind_m_s = velocity_m_s * 0.5;
         let change = Inertia::new(&options).derivative(&body.row(), &Load::default(), &wind_m_s);
-        // Nose up is a negative pitch, and left side up a positive roll. The wind has half the
-        // body's speed.
+        // Nose up is a negative pitch, and left side up a positive roll. The wind is half as fast.
         let torque = Vector3::from_fn(|i, _| change[10 + i] * options.inertia_kg_m2[i]);
         let want = Vector3::new(4.7e-4 * 0.05, -4.7e-4 * 0.1, 0.0);
         assert!((torque - want).norm() < 1e-18, "{torque}");

@@ -43,8 +43,7 @@ const ORIGIN: f64 = 0.05 / CRAZYFLIE_M;
 /// Distance in m from the center to a rotor of the measured drones (`ARM_LENGTH`).
 const CRAZYFLIE_M: f64 = 0.046;
 /// Increase of the jet's standard deviation per unit distance. The radius at half the axial speed
-/// is 0.094 z (Hussein, Capp, George 1994, cited from a quotation of Pope's table 5.1), which is
-/// 1.177 σ.
+/// is 0.094 z (Hussein, Capp, George 1994, from a quotation of Pope's table 5.1), or 1.177 σ.
 const SPREAD: f64 = 0.094 / 1.177;
 /// Reach of the jet from its axis in standard deviations, beyond which 0.03 % of the speed remains.
 const REACH: f64 = 4.0;
@@ -61,8 +60,7 @@ pub struct Jet {
 }
 
 impl Jet {
-    /// Creates the stream below a drone whose rotors, `size_m` from its center, provide a total of
-    /// `thrust_n`.
+    /// Creates the stream below a drone with a total thrust and rotors at `size_m` from its center.
     pub(super) fn new(body: &RigidBody, thrust_n: f64, size_m: f64) -> Self {
         let along = body.world_from_body * -Vector3::z();
         Self { from_m: body.position_m, along, thrust_n, size_m }

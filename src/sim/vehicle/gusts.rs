@@ -115,8 +115,7 @@ fn dryden(wind_m_s: f64, dt_s: f64) -> [Filter; 3] {
     let level_m_s = vertical_m_s / libm::pow(shape, 0.4);
     let (vertical_m, level_m) = (LOWEST_FT * FOOT_M, LOWEST_FT * FOOT_M / libm::pow(shape, 1.2));
     let across = [(level_m_s, level_m), (vertical_m_s, vertical_m)];
-    // Across the wind, σ/√2 (1 + √3 τ s) / (1 + τ s)² is the sum of a one-stage and a two-stage
-    // part.
+    // Across the wind, σ/√2 (1 + √3 τ s) / (1 + τ s)² has a one-stage and a two-stage part.
     let [level, vertical] = across.map(|(sigma_m_s, length_m)| {
         let sigma = sigma_m_s / f64::sqrt(2.0);
         let parts = [f64::sqrt(3.0) * sigma, (1.0 - f64::sqrt(3.0)) * sigma];
@@ -140,8 +139,7 @@ struct Filter {
 }
 
 impl Filter {
-    /// Creates a filter with the time constant `time_s` and steps of `dt_s`, with both stages at
-    /// zero.
+    /// Creates a filter with the time constant `time_s`, steps of `dt_s`, and both stages at zero.
     fn new(parts: [f64; 2], time_s: f64, dt_s: f64) -> Self {
         // The rows of F are (decay 0, coupling decay), and Q = P − F P Fᵀ has these entries.
         let decay = libm::exp(-dt_s / time_s);
@@ -228,8 +226,7 @@ mod tests {
         density
     }
 
-    /// Checks densities, each of which is estimated from 400 segments with a standard deviation of
-    /// 5 %.
+    /// Checks densities, each estimated from 400 segments with a standard deviation of 5 %.
     fn assert_density(densities: &[f64; BINS.len()], want: impl Fn(f64) -> f64) {
         for (bin, density) in BINS.iter().zip(densities) {
             let ratio = density / want(TAU * bin / (N as f64 * DT_S));

@@ -33,8 +33,7 @@ impl Mixer {
         self.motors_from_wrench
     }
 
-    /// Returns the commands m1…m4 for a wrench, clamped to the motors' range, and true if any was
-    /// clamped.
+    /// Returns the commands m1…m4 for a wrench, clamped to the motors' range, and true if clamped.
     pub fn motors(&self, wrench: &Wrench) -> (Vector4<f64>, bool) {
         let wanted = self.unbounded_motors(wrench);
         let motors = wanted.map(|m| m.clamp(0.0, self.motor_max));

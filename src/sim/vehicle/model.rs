@@ -46,8 +46,7 @@ pub(crate) fn motion_derivative(
     let (sin_pitch, cos_pitch) = libm::sincos(motion[4]);
     let (sin_roll, cos_roll) = libm::sincos(motion[5]);
     let v = Vector3::new(motion[6], motion[7], motion[8]);
-    // The velocity is rotated by roll, pitch and yaw in turn, which takes less time than the
-    // matrix.
+    // The velocity is rotated by roll, pitch and yaw in turn, which is faster than the matrix.
     let across = cos_roll * v.y - sin_roll * v.z;
     let down = sin_roll * v.y + cos_roll * v.z;
     let ahead = cos_pitch * v.x + sin_pitch * down;
@@ -110,8 +109,8 @@ mod tests {
     use super::*;
 
     impl VehicleOptions {
-        /// Returns the motors' wrench about the center of mass, relative to which the thrust acts
-        /// at `−(x, y)`.
+        /// Returns the motors' wrench about the center of mass, where the thrust's lever is `−(x,
+        /// y)`.
         pub(crate) fn about_center_of_mass(&self, motors: &Wrench) -> Wrench {
             let ([x, y], f) = (self.center_of_mass_m, motors[3]);
             motors + Wrench::new(-y * f, x * f, 0.0, 0.0)
@@ -145,7 +144,7 @@ mod tests {
 
     #[test]
     fn attitude_turns_with_the_body_rate() {
-        // The test checks Ṙ = R [w]× with a finite difference of world_from_body along the angles'
+        // The test checks Ṙ = R [w]× by a difference of world_from_body along the angles'
         // derivative.
         let state = tumbling();
         let slope = VehicleOptions::default().derivative(&state, &Wrench::zeros());

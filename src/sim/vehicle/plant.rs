@@ -120,8 +120,7 @@ impl Plant {
     #[inline(always)]
     pub fn advance(&mut self, commands: &[f64; 4]) {
         let thrusts_n = self.thrusts_n(commands);
-        // The ground effect changes slowly. It is constant during the step, at the height in
-        // mid-step.
+        // The ground effect changes slowly, and is therefore that of mid-step throughout the step.
         let floor_m = self.floor_m(self.row[0], self.row[1]);
         let middle_m = self.row[2] + self.row[5] * (0.5 * self.dt_s);
         let ground = self.floor.thrust_ratio(middle_m - floor_m);
@@ -164,8 +163,8 @@ impl Plant {
         self.short_steps
     }
 
-    /// Returns an ideal accelerometer's reading in the body frame (all forces except gravity, per
-    /// unit mass).
+    /// Returns an ideal accelerometer's reading in the body frame (forces except gravity per unit
+    /// mass).
     #[inline(always)]
     pub fn specific_force_m_s2(&self) -> Vector3<f64> {
         let height_m = self.row[2] - self.floor_m(self.row[0], self.row[1]);
@@ -179,8 +178,7 @@ impl Plant {
         self.inertia.specific_force_m_s2(&self.body(), &load, &self.wind_m_s)
     }
 
-    /// Returns the vertical acceleration due to full throttle at the present voltage, far from a
-    /// floor.
+    /// Returns the vertical acceleration by full throttle at the present voltage, far from a floor.
     pub fn gain_m_s2(&self) -> f64 {
         let battery_gain = self.battery.as_ref().map_or(1.0, |b| b.limit(self.full_thrust_n).gain);
         4.0 * self.full_thrust_n * battery_gain * GRAVITY_M_S2 / self.inertia.weight_n

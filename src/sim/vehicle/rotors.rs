@@ -100,8 +100,8 @@ impl Rotors {
     /// step's start, middle and end.
     #[inline(always)]
     pub(super) fn advance(&mut self, command_n: &Vector4<f64>, ground: f64) -> [Load; 3] {
-        // Each speed approaches its target exponentially, with separate time constants for rise and
-        // fall.
+        // Each speed approaches its target exponentially, with different time constants up and
+        // down.
         let start = self.speed_rad_s;
         let target = command_n.map(|thrust_n| (thrust_n * self.per_thrust).sqrt());
         let mut loads = [Load::default(); 3];
@@ -214,8 +214,7 @@ mod tests {
     fn a_rotor_that_speeds_up_turns_the_body_the_other_way() {
         let options = VehicleOptions { rotor_inertia_kg_m2: 2.7e-8, ..lagging() };
         let mut rotors = Rotors::new(&options, 0.08, 0.002);
-        // Rotor m1 turns counter-clockwise, so it turns the body clockwise, more so while it speeds
-        // up.
+        // Rotor m1 turns counter-clockwise and the body clockwise, more so while m1 speeds up.
         let load = rotors.advance(&Vector4::new(0.1, 0.08, 0.08, 0.08), 1.0)[0];
         let rise = ((0.1_f64 / options.rotor_thrust_n_s2).sqrt()
             - (0.08_f64 / options.rotor_thrust_n_s2).sqrt())
