@@ -116,7 +116,7 @@ fn is_format(character: char) -> bool {
 /// Returns the scale at which strokes fill a canvas.
 fn canvas_scale(strokes: &Strokes, [width_m, height_m]: [f64; 2]) -> f64 {
     let [left, bottom, right, top] = strokes.bounds_m();
-    // The slack for rounding lets a text that fits exactly keep its size.
+    // The slack for rounding ensures that a text which fits exactly keeps its size.
     (width_m / (right - left)).min(height_m / (top - bottom)) * (1.0 + 1e-12)
 }
 
@@ -355,7 +355,7 @@ fn advances(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f
     let (mut pen, mut base_pen, mut previous) = (0.0, 0.0, None);
     let mut cells: Vec<Placed> = Vec::new();
     for character in line.chars() {
-        // A mark that Unicode cannot compose with the previous letter is put on that letter.
+        // A mark that Unicode cannot compose with the previous letter is placed on that letter.
         let last = cells.last_mut().filter(|_| is_combining_mark(character));
         if let Some(last) = last
             && let Some(base) = &last.shape

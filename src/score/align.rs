@@ -23,7 +23,7 @@ const ROTATION_STEP_RAD: f64 = 5.0 * core::f64::consts::PI / 180.0;
 /// then the reader's 0.05. With more blur, the next letter could attract the word.
 const BLURS_PX: [f32; 2] = [3.2, 1.6];
 
-/// Maximum size of the cache of drawn words, in pixels. Its 1 MB hold dozens of short words.
+/// Maximum size of the cache of drawn words, in pixels. 1 MB is enough for dozens of short words.
 const MAX_CACHED_PX: usize = 1 << 18;
 
 /// Width of the pen, in pixels.

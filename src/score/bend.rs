@@ -78,7 +78,7 @@ pub(super) struct Gap {
 pub(super) struct ExtraLine {
     /// Centers of the line's pixels.
     pub(super) points: Vec<Point>,
-    /// Lit pixels near the line, divided by its length.
+    /// Number of lit pixels near the line, divided by the line's length.
     pub(super) thick_px: f64,
 }
 

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::geometry::distance;
 
-/// A fault in the photo, and the gain from mending it.
+/// A fault in the photo, and the gain if the fault is removed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Cause {
     /// Kind of the fault.
@@ -54,13 +54,13 @@ pub enum CauseKind {
     /// A part of a stroke has no light.
     #[default]
     MissingRun,
-    /// A part of a stroke has no light because the log of the flight has a gap there.
+    /// A part of a stroke has no light because the flight's log has a gap at that part.
     LogGap,
-    /// Light leads from one stroke to the next, although the lamp should be off there.
+    /// Light leads from one stroke to the next, although the lamp should be off in between.
     LitTransit,
     /// Light leads to or from the floor.
     Streak,
-    /// A spot of light away from the strokes, where the drone waited.
+    /// A spot of light away from the strokes, because the drone waited at that point.
     DwellBlob,
     /// A stroke of a neighboring letter reaches into the letter.
     Overlap,

@@ -72,7 +72,7 @@ impl Reader {
         let Some(seen) = &seen else { return Ok((verdict, marks)) };
         let sketches: Vec<Sketch> =
             (0..self.pages.len()).map(|index| self.sketch(index, seen, view)).collect();
-        // Only letter faults have gains, because faults of the font or the photo cannot be mended.
+        // Only letter faults have gains, because font or photo faults cannot be removed.
         let mut faults = self.compare(&sketches, (seen, view), known, &mut verdict, &mut marks);
         let in_place = self.gains(seen, &sketches, &mut faults);
         self.flaws_of_design(&verdict, &mut faults);
@@ -104,7 +104,7 @@ impl Reader {
                 continue;
             };
             let place = self.expected.indices.iter().position(|judged| *judged == index);
-            // Punctuation is not judged, but advice mends it together with the letters.
+            // Punctuation is not judged, but is mended with the letters for advice.
             let Some(place) = place else { continue };
             if !worst.contains(&place) {
                 *mending = None;
@@ -197,7 +197,7 @@ impl Reader {
                 continue;
             }
             kinds.push(*kind);
-            // All faults of a kind are mended together, because one change mends all.
+            // All faults of a kind are mended together, because one change removes them.
             let same_kind = faults.iter().filter(|(cause, _)| cause.kind == *kind);
             let (causes, mendings): (Vec<&Cause>, Vec<_>) = same_kind
                 .map(|(cause, mending)| (cause, cause.letter.zip(mending.as_ref())))

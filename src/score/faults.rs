@@ -77,7 +77,7 @@ pub(super) fn mend(picture: &mut Raster, mending: &Mending, sketch: &Sketch) {
         }),
         Mending::Draw(points) => draw(picture, points),
         Mending::Move([right, down]) => {
-            // Each pixel takes the light of the pixel that is `right` and `down` of it.
+            // Each pixel is replaced by the pixel that is `right` and `down` of it.
             let (width, height) = (picture.width, picture.height);
             let mut moved = Raster::dark(width, height);
             for (index, value) in moved.values.iter_mut().enumerate() {

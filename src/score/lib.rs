@@ -98,7 +98,7 @@ settings! {
     }
 }
 
-/// True if strokes can be judged, that is, if they are letters or digits that the reader knows.
+/// True if strokes can be judged: they contain letters or digits, and the reader knows these.
 pub fn is_judged(strokes: &Strokes) -> bool {
     let mut characters = strokes.glyphs.iter().map(|glyph| glyph.character);
     strokes.font.is_some()

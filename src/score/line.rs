@@ -1,7 +1,7 @@
 //! Lines of writing in a photo, located only by their ink.
 //!
 //! Ink is light that stands out from the sky, either in the color of the brightest pixels or in any
-//! color. A line of writing lies where the rows of pixels cross the most strokes.
+//! color. A line of writing is located at the rows of pixels that cross the most strokes.
 
 use std::sync::Arc;
 

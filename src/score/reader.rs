@@ -53,7 +53,7 @@ pub struct Reader {
     pub(super) expected: Expected,
     /// The grid of the strip for each line of the word.
     pub(super) lines: Vec<Grid>,
-    /// Index of the line that each letter belongs to.
+    /// Index of each letter's line in the word.
     pub(super) line_of: Vec<usize>,
     /// The page of each letter.
     pub(super) pages: Vec<LetterPage>,

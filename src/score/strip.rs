@@ -202,8 +202,8 @@ fn stretched(light: &[f32], width: usize, height: f64, down_px: f64) -> Vec<f32>
 
 /// Subtracts soft light, such as from a lit wall or a glow. The first channel must be luminance.
 fn subtract_soft_light(width: usize, channels: [&mut Vec<f32>; 2]) {
-    // An opening (Serra 1982) takes the minimum over squares and then the maximum of these minima.
-    // Opening keeps light that is wider than the square, but not strokes.
+    // An opening (Serra 1982) computes the minimum over squares and then the maximum of these
+    // minima. Opening keeps light that is wider than the square, but not strokes.
     let reach = whole((SOFT_REACH.0 * stroke_px(channels[0], width)).ceil()).max(SOFT_REACH.1);
     for light in channels {
         let soft = noctograph_core::dispatch!(|| {

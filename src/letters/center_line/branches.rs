@@ -5,7 +5,7 @@ use noctograph_core::statistics::median;
 
 use super::super::vector::{ahead, direction, minus};
 
-/// Maximum ratio of the radius to the branch's median radius where the branch starts to be used.
+/// Maximum ratio of radius to the branch's median radius at which the branch starts to be used.
 const SETTLED: f64 = 1.06;
 
 /// Minimum and maximum length skipped at a junction's end of a branch, in radii of the junction,

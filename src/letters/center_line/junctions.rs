@@ -1,4 +1,4 @@
-//! Junctions: where strokes meet, the medial axis deviates from their center lines. The lines are
+//! At junctions of strokes, the medial axis deviates from the strokes' center lines. The lines are
 //! therefore extended straight from outside the junction until they meet.
 
 use super::super::outline::Filled;
@@ -47,7 +47,7 @@ pub(super) fn lines(axis: &Axis, bends: &[bool], ink: &Filled<'_>) -> Vec<Vec<Kn
     let paths = axis.paths(&|node| is_key[node]);
     let (cluster_of, is_inner) = clusters(axis, &paths);
     let mut branches: Vec<Branch> = Vec::new();
-    // The branches at each cluster, with true if a branch ends there and false if it starts there.
+    // Lists the branches at each cluster, with true if a branch ends at it and false if it starts.
     let mut branch_ends: Vec<Vec<(usize, bool)>> = vec![Vec::new(); axis.middles.len()];
     for (path, _) in paths.iter().zip(&is_inner).filter(|(_, is_inner)| !**is_inner) {
         let (first, last) = (path[0], path[path.len() - 1]);

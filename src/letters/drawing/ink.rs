@@ -23,7 +23,7 @@ const CHANNELS: usize = 3;
 
 /// Maximum difference between a pixel and paper of one color, in levels out of 255.
 const SAME_COLOR: f64 = 8.0;
-/// Minimum fraction of the picture's edge, and of the picture, that has the color of the paper.
+/// Minimum fraction of the picture's edge, and of the whole picture, in the color of the paper.
 const EVEN: [f64; 2] = [0.6, 0.2];
 
 /// Number of blocks along the longer side, and minimum ratio of outliers of both kinds.

@@ -17,7 +17,7 @@ pub(super) const FLATNESS: f64 = 2e-4;
 /// Maximum relative difference between a rectangle's area and that of its box, caused by rounding.
 const ROUNDING: f64 = 1e-6;
 
-/// Maximum distance of a flat subpath's points from a line, relative to its largest coordinate.
+/// Maximum distance between a flat subpath's points and a line, relative to its largest coordinate.
 const FLAT: f64 = 1e-6;
 
 /// Budget steps per point of an area.
@@ -156,7 +156,7 @@ pub(super) struct Layer<'a> {
     pub(super) is_stroke: bool,
 }
 
-/// A restriction of where an element is visible.
+/// A restriction of the area in which an element is visible.
 pub(super) enum Cut<'a> {
     /// The edge of the page.
     Page(Area<'a>),

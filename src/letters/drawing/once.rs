@@ -102,8 +102,8 @@ impl<'a> Front<'a> {
         self.cell * libm::exp2(f64::from(level))
     }
 
-    /// Adds a line to those in front, in pieces of at most half a cell. The line's level is the one
-    /// with cells at least twice as wide as its reach. Stops if the budget is spent.
+    /// Adds a line to those in front, in pieces of at most half a cell. Its level is the one whose
+    /// cells are at least twice as wide as its reach. Stops if the budget is spent.
     fn add(&mut self, line: &[[f64; 2]], element: usize, reach: f64) {
         #[expect(clippy::cast_possible_truncation, reason = "at most the exponent of a float")]
         let level = libm::log2(2.0 * reach / self.cell).ceil().max(0.0) as i32;

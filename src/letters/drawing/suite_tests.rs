@@ -20,7 +20,7 @@ const NEAR_PX: f32 = 2.5;
 /// Minimum difference between colors on either side of an edge, in any channel, out of 255.
 const EDGE: i32 = 24;
 
-/// Minimum difference between ink and the color of the paper.
+/// Minimum color difference between ink and paper, in any channel, out of 255.
 const INK: i32 = 12;
 
 /// Maximum fractions of unmatched strokes and edges that corners of miters and caps explain.

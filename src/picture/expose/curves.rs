@@ -124,8 +124,8 @@ impl Curves {
         }
     }
 
-    /// Replaces a blurred rectangle's Gaussians by its curves. The curves across start at
-    /// `n_along`.
+    /// Replaces a blurred rectangle's Gaussians with the rectangle's curves. The curves across
+    /// start at `n_along`.
     #[inline(always)]
     fn draw_rectangles(&mut self, record: &Record, n_along: usize) {
         let axes = [(0, record.x_px, record.width), (n_along, record.y_px, record.height)];

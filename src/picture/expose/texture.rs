@@ -46,7 +46,7 @@ pub(super) fn deviation(point: [f32; 2]) -> f32 {
     bilinear(|x, y| tile[(y % SIDE) * SIDE + x % SIDE], point)
 }
 
-/// Interpolates bilinearly between the four nodes around a point. `node` gives the value at whole
+/// Interpolates bilinearly between the four nodes around a point. `node` returns the value at whole
 /// coordinates.
 #[inline(always)]
 fn bilinear(node: impl Fn(usize, usize) -> f32, [x, y]: [f32; 2]) -> f32 {

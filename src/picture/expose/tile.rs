@@ -48,7 +48,7 @@ impl Tiles {
     }
 
     /// Adds the light to the film's planes, which start at these rows, and then clears it. Each
-    /// channel gets a fraction of the light, relative to [`ALL`].
+    /// channel receives a fraction of the light, relative to [`ALL`].
     #[inline(always)]
     pub(super) fn count(&mut self, fractions: [u32; 3], planes: &mut [&mut [u32]]) {
         let tiles_across = self.width.div_ceil(TILE_PX[0]);

@@ -106,7 +106,7 @@ impl Pose {
 }
 
 /// Returns the samples of a lamp over a flight. Each lit run starts and ends at level 0. The lamp
-/// is dark between two stretches, because its path is unknown there.
+/// is dark between two stretches, because its path is unknown in between.
 pub(super) fn shine(
     stretches: &[Vec<Pose>],
     fixture: &Fixture,

@@ -119,7 +119,7 @@ impl Backdrop {
                 row.push(if left_surface == right_surface {
                     left + (right - left) * ((j as f32 + 0.5) / STEP_PX as f32)
                 } else {
-                    // A pixel near an edge of the room gets the mean of four points.
+                    // The light of a pixel near an edge of the room is the mean over four points.
                     let x = (i * STEP_PX + j) as f64;
                     let points = [[0.25, 0.25], [0.75, 0.25], [0.25, 0.75], [0.75, 0.75]];
                     let luminances = points

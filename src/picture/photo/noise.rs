@@ -77,7 +77,7 @@ impl Normal {
         for (index, node) in nodes.iter_mut().enumerate().take(CELLS).skip(1) {
             *node = quantile(index as f64 * p);
         }
-        // The last cell gets the mean of the tail, φ(z) / p.
+        // The value of the last cell is the mean of the tail, φ(z) / p.
         let z = nodes[CELLS - 1];
         let tail = libm::exp(-0.5 * z * z) / (std::f64::consts::TAU.sqrt() * p);
         nodes[CELLS] = 2.0 * tail - z;

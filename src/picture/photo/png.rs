@@ -105,7 +105,7 @@ pub struct Notes {
     pub flight_sha256: Option<String>,
     /// SHA-256 of the photo's strokes, if they come from the user's font or drawing.
     pub strokes_sha256: Option<String>,
-    /// Gaps in the flight logs that are dark in the photo.
+    /// Gaps in the flight logs during which the photo shows no light, as JSON.
     pub log_gaps_json: Option<String>,
 }
 

@@ -5,8 +5,8 @@
 //!    hot photosites add more electrons.
 //! 2. The well or the converter clips each channel, and reading adds noise.
 //! 3. The camera subtracts the mean dark current, clips all channels at the same light, and undoes
-//!    the leak by a matrix. Unclipped light thereby regains its color, and clipped light gets a
-//!    color closer to its neighbor's and to white. Then the camera balances white and clips again.
+//!    the leak by a matrix. This restores the color of unclipped light, and shifts that of clipped
+//!    light toward its neighbor's and toward white. Then the camera balances white and clips again.
 //!    Balancing white before the matrix would tint every gray.
 //!
 //! Green photosites receive a fourth of a blue LED's light ([`SENSITIVITY`]), which makes the

@@ -29,7 +29,7 @@ const MAX_POINTS: usize = 64;
 /// Number of cells on each side of a point's cell that contain its light: 3 × 3 cells of 4 px.
 const REACH_CELLS: usize = 1;
 
-/// Distances from the point at which spikes start, outside of those cells, and end.
+/// Distances from the point at which spikes start (outside these cells) and end.
 const INNER_PX: f64 = 6.0;
 const OUTER_PX: f64 = 240.0;
 

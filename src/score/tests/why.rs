@@ -112,7 +112,7 @@ fn a_letter_read_as_one_that_its_drawing_resembles_is_a_flaw_of_design() {
     }
 }
 
-/// The log has a gap while the leg of the R is flown, and the leg ends early. Without a gap, or
+/// The log has a gap while the drone flies the leg of the R, which ends early. Without a gap, or
 /// with a gap elsewhere, the missing leg is blamed on the lamp.
 #[test]
 fn light_that_the_log_lost_is_not_blamed_on_the_lamp() {
