@@ -178,8 +178,8 @@ fn timing_data(plan: &Plan, lights: &[Command]) -> Option<Value> {
     Some(json!({ "entries": Vec::from_iter(entries), "changes": Vec::from_iter(changes) }))
 }
 
-/// Returns the trajectory of a drone's letters for its memory. Returns an error for a plan made for
-/// a different clock, and for an unsafe flight.
+/// Returns the trajectory of a drone's letters, encoded for its memory. Returns an error for a plan
+/// made for a different clock, and for an unsafe flight.
 fn trajectory(job: &Job<'_>, drone: usize) -> Result<Compressed> {
     if job.trajectory_clock != 1.0 {
         let wanted = "1 for a trajectory on board";

@@ -256,7 +256,7 @@ pub struct Memory {
     /// Number of pieces as polynomials, out of [`poly4d::MAX_PIECES`].
     pub pieces: usize,
     /// Names of the formats into which the plan fits. A trajectory must fit in the onboard memory,
-    /// and a script's setpoints must fit the radio.
+    /// and a script's setpoints must not be too frequent for the radio.
     pub formats: Vec<&'static str>,
     /// True if the plan fits into all formats.
     pub fits_all: bool,

@@ -118,7 +118,7 @@ fn byte(level: f64) -> u8 {
     (255.0 * level.clamp(0.0, 1.0)).round() as u8
 }
 
-/// Returns a command for each change of a plan's lights, in order of time, from darkness.
+/// Returns a command for each change of a plan's initially dark lights, in order of time.
 ///
 /// # Errors
 ///

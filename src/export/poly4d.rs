@@ -155,7 +155,7 @@ fn fit(stretch: &Stretch, from: usize, to: usize) -> Polynomials {
     let (mut normal_matrix, mut right_sides) = (Matrix2::zeros(), [Vector2::zeros(); 3]);
     for time_s in stretch.check_times_s(from, to) {
         let t = time_s - stretch.time_s(from);
-        // Both basis functions, scaled to about 1, vanish at both ends with two derivatives.
+        // Both basis functions, scaled to about 1, and two derivatives vanish at both ends.
         let (s, rest) = (t / duration_s, 1.0 - t / duration_s);
         let bump = 64.0 * s * s * s * rest * rest * rest;
         let row = Vector2::new(bump, bump * (2.0 * s - 1.0));

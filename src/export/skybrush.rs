@@ -130,7 +130,8 @@ fn program(changes: &[(f64, [u8; 3])]) -> Vec<u8> {
     bytes
 }
 
-/// Appends a number in 7-bit bytes, the lowest first. The highest bit announces another byte.
+/// Appends a number in 7-bit bytes, the lowest first. If its highest bit is set, another byte
+/// follows.
 fn varuint(bytes: &mut Vec<u8>, mut value: u64) {
     while value > 127 {
         bytes.push((value & 127) as u8 | 128);

@@ -72,7 +72,7 @@ pub(super) struct Timeline {
 }
 
 impl Timeline {
-    /// Times the flight around a trajectory from `first_m` to `last_m`. `first_start_s` is the
+    /// Computes the timeline around a trajectory from `first_m` to `last_m`. `first_start_s` is the
     /// start of the first of all drones' trajectories.
     pub(super) fn new(
         plan: &Plan,
@@ -125,7 +125,7 @@ impl Timeline {
         ]
     }
 
-    /// Returns the position at `time_s`, m. `trajectory_m` takes the time since the start.
+    /// Returns the position at `time_s`, m. `trajectory_m` takes the time since its start.
     pub(super) fn position_m(
         &self,
         time_s: f64,

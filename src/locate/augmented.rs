@@ -1,4 +1,4 @@
-//! Locates N drones from ranges, with any start. The state is augmented with squares and products.
+//! Locates N drones by ranges, from any start. The state is augmented with squares and products.
 //!
 //! With `n_i` = |`p_i|²` and `z_ij` = `p_iᵀ` `p_j` as additional states and known displacements
 //! `δ_i`, the motion and the squared ranges become linear:
@@ -318,8 +318,8 @@ mod tests {
     }
 
     /// Returns how many of 60 starts, with an error of 5 m over both drones, are within 25 cm after
-    /// 20 s of writing. If `linear` is true, the linear filter starts, with a room, and is later
-    /// replaced. Otherwise the extended Kalman filter is used from the start.
+    /// 20 s of writing. If `linear` is true, the linear filter runs first, given a room. Otherwise
+    /// the extended Kalman filter is used from the start.
     fn converged(anchors_m: [[f64; 3]; 3], linear: bool, room: Option<&Room>) -> usize {
         let anchors_m = anchors_m.map(Vector3::from);
         let place = path();

@@ -24,7 +24,7 @@ pub(super) const LATE_S: f64 = 0.25;
 pub(super) struct Model<'a> {
     pub(super) anchors_m: &'a [Vector3<f64>],
     pub(super) options: &'a LocateOptions,
-    /// Time until which each drone is on the ground, which is its first range if that comes late.
+    /// Time until which each drone is on the ground: that of its first range, if that is late.
     stands_until_s: Vec<f64>,
 }
 

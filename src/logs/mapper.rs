@@ -154,7 +154,7 @@ impl Mapper<'_> {
             check_span(recording, stamps_s.last().copied().unwrap_or(0.0) - zero_s)?;
             return Ok(Axis { stamps_s, zero_s, gaps: Vec::new() });
         }
-        // The motion capture may start earlier and end later than the drone's log.
+        // The motion capture recording may start earlier and end later than the drone's log.
         let drone = recording.blocks.iter().filter(|block| block.clock == Clock::Drone);
         let first_s = drone.clone().map(|block| block.time_s[0]).fold(f64::INFINITY, f64::min);
         let last_s = drone.map(|block| block.time_s[block.time_s.len() - 1]);

@@ -1,6 +1,6 @@
 //! Aligns a motion capture system's clock and frame with the drone's, by the path in both logs.
 //!
-//! The clocks of the computer and the drone start at different zeros. The drone logs the positions
+//! The clocks of the computer and the drone have different zero times. The drone logs the positions
 //! that the motion capture system sent (`ae483log.p_x_mocap` …) or its own estimates. The time
 //! shift with the least misfit between the two paths is used.
 //!

@@ -99,8 +99,8 @@ settings! {
         /// capacity, at which cells are retired (USABC, Electric Vehicle Battery Test Procedures
         /// Manual, 1996). Such a battery fails the firmware's test: its voltage sags by 0.70 V
         /// (`BAT_LOADING_SAG_THRESHOLD`, firmware pull request 1192) with the motors at 61 %
-        /// (`HEALTH_BRUSHED_BAT_ON_PERIOD_PWM_RATIO`, 40000). At that load, which is hovering, the
-        /// scene's resistance causes a sag of 0.57 V.
+        /// (`HEALTH_BRUSHED_BAT_ON_PERIOD_PWM_RATIO`, 40000). At that load, which corresponds to
+        /// hovering, the scene's resistance causes a sag of 0.57 V.
         battery_age: f64 = 0.0, in 0.0..=1e3;
     }
 }

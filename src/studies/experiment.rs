@@ -24,7 +24,7 @@ pub(super) const TESTS: u64 = 0x5eed << 48;
 /// is fixed, so that any part of them can be flown on any machine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Study {
-    /// Contenders, which are the scenes to compare.
+    /// Scenes to compare.
     pub contenders: Vec<NamedScene>,
     /// Words, each with its number of seeds.
     pub words: Vec<(String, u32)>,
@@ -166,7 +166,7 @@ pub fn evaluate(
     records.collect()
 }
 
-/// Returns a function, for any thread, that passes the number of its calls to `done`.
+/// Returns a function that passes the number of its calls to `done`, from any thread.
 pub(super) fn counter(done: &(dyn Fn(usize) + Sync)) -> impl Fn() + Sync {
     let finished = AtomicUsize::new(0);
     move || done(finished.fetch_add(1, Ordering::Relaxed) + 1)

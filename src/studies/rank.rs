@@ -133,8 +133,8 @@ fn level(n_pairs: usize) -> f64 {
     1.0 - (1.0 - LEVEL) / n_pairs.max(1) as f64
 }
 
-/// Compares all pairs of `contenders`. Each contender is a name with the probabilities of the
-/// flights, and they are sorted by mean probability.
+/// Compares all pairs of `contenders`, which are sorted by mean probability. Each is a name with
+/// the probabilities of its flights.
 pub(super) fn pairs(contenders: &[(&str, &[f64])]) -> Vec<Pair> {
     let (mut pairs, mut differences_by_pair) = (Vec::new(), Vec::new());
     for (place, (better, a)) in contenders.iter().enumerate() {

@@ -102,8 +102,9 @@ impl Band {
         band
     }
 
-    /// Returns the fraction of further flights that the band will contain: [`BAND_FRAC`], or with n
-    /// flights, fewer than [`LEAST_FLIGHTS`], that between extremes, `(n − 1) / (n + 1)`.
+    /// Returns the fraction of further flights that the band will contain. With n flights, fewer
+    /// than [`LEAST_FLIGHTS`], it is the fraction between their extremes, `(n − 1) / (n + 1)`,
+    /// otherwise [`BAND_FRAC`].
     pub fn holds_frac(&self) -> f64 {
         let n = self.n_flights as f64;
         BAND_FRAC.min((n - 1.0).max(0.0) / (n + 1.0))

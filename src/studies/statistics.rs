@@ -336,7 +336,7 @@ fn student_t(freedom: f64) -> f64 {
     let d = ((94.5 / (b + c) - 3.0) / b + 1.0) * (0.5 * a * std::f64::consts::PI).sqrt() * freedom;
     let mut y = libm::pow(d * BEYOND, 2.0 / freedom);
     if y > 0.05 + a {
-        // For many degrees of freedom, an asymptotic inverse expansion about the normal quantile.
+        // For many degrees of freedom, an asymptotic expansion about the normal quantile is used.
         let x = NORMAL;
         y = x * x;
         if freedom < 5.0 {

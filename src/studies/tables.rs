@@ -78,7 +78,8 @@ fn column(name: &str, path: &str) -> Column {
     (name.to_owned(), format!("/{path}"))
 }
 
-/// Returns columns from names separated by spaces. A different path follows its name after `=`.
+/// Returns columns from names separated by spaces. A path that differs from its name follows after
+/// `=`.
 fn columns(names: &str) -> impl Iterator<Item = Column> {
     names.split(' ').map(|name| {
         let (name, path) = name.split_once('=').unwrap_or((name, name));

@@ -44,7 +44,7 @@ const PENALTY: f64 = 20.0;
 const MAX_RMSE_M: [f64; 3] = [0.166, 0.116, 0.136];
 /// Maximum distance from the word's plane: the team's safety corridor.
 const MAX_DRIFT_Y_M: f64 = CORRIDOR_M;
-/// Maximum tilt at which the Lighthouse deck still sees its stations.
+/// Maximum tilt at which the Lighthouse deck can still see its stations.
 const MAX_TILT_RAD: f64 = 30.0_f64.to_radians();
 /// Maximum fraction of the time during which a motor is saturated.
 const MAX_SATURATED_FRAC: f64 = 0.05;

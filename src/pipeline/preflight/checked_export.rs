@@ -76,7 +76,7 @@ pub fn make_exportable(
     Ok(mode.unwrap_or(mode_of(scene.controller.sends())))
 }
 
-/// Returns the mode in which the script sends this kind of setpoints.
+/// Returns the mode in which the script sends this kind of setpoint.
 fn mode_of(kind: SetpointKind) -> Mode {
     kind.name().parse().expect("setpoints have the names of modes")
 }

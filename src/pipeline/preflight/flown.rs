@@ -253,12 +253,12 @@ fn battery(flight: &Flight, scene: &Scene) -> Diagnostic {
 
 const NO_LAMP: &str = "no lamp follows the plan's light";
 
-/// Returns the unknown result of a light check, for a flight without light.
+/// Returns the result "unknown" of a light check, for a flight without light.
 fn without_light(check: &'static str, why: &str) -> Diagnostic {
     Diagnostic::unchecked(check, why, "light along the strokes", CHECK_LIGHT)
 }
 
-/// Checks the light at the ends of strokes, by the largest distance of a switch from an end.
+/// Checks that the light switches at the ends of strokes, by the largest distance from an end.
 fn lit_transit(
     ends: &[StrokeEnd],
     pieces: &[Piece],

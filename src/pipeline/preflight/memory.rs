@@ -13,7 +13,7 @@ use noctograph_export::{Form, Length, Memory, memory};
 /// Name of the check for the LED timing memory.
 pub const LED_MEMORY: &str = "LED memory";
 
-/// Returns the unknown result of a check on a plan that cannot be exported.
+/// Returns the result "unknown" of a check, for a plan that cannot be exported.
 fn not_exported(check: &'static str, error: &Error) -> Diagnostic {
     let wanted = "a plan that can be exported";
     Diagnostic::unchecked(check, error, wanted, "change what the export refuses")

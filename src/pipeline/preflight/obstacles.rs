@@ -193,7 +193,7 @@ fn things(shoot: &Shoot, plan: &Plan, profile: &Profile) -> Vec<Thing> {
 /// Returns the base stations or anchors as objects.
 fn beacons(scene: &Scene, ceiling_m: f64) -> Vec<Thing> {
     let beacons = stations(scene).into_iter().map(|(name, [x, y, z])| {
-        // Beacons in the lower half of a room stand on the floor, those in the upper half hang.
+        // Beacons in the lower half of a room stand on the floor, and those in the upper half hang.
         let shape = if z < 0.5 * ceiling_m {
             Solid::pillar([x, y], BEACON_M)
         } else {

@@ -94,7 +94,7 @@ struct Segment {
     goes_on: bool,
 }
 
-/// Minimum duration over which a speed is computed from positions, which files round.
+/// Minimum duration over which a speed is computed, because files contain rounded positions.
 const SEGMENT_S: f64 = 0.1;
 
 /// Returns the airborne path as segments of at least [`SEGMENT_S`]. A single jump, for which there
@@ -268,7 +268,7 @@ fn jumps(plan: &Plan) -> Diagnostic {
 /// Returns the time in the air, s.
 fn air_s(plan: &Plan) -> f64 {
     let in_air = pairs(plan).filter(|(from, _)| !from.on_floor());
-    // The sum of nothing is -0.0, which adding 0.0 turns into 0.0.
+    // The sum of an empty list is -0.0, which adding 0.0 turns into 0.0.
     in_air.map(|(from, to)| to.time_s - from.time_s).sum::<f64>() + 0.0
 }
 

@@ -323,7 +323,7 @@ mod tests {
         let error = CarriedScene::read(&path("plan-2.csv")).unwrap_err().to_string();
         assert!(error.contains(&sha256(b"3")) && error.contains("flight.csv, plan.csv"), "{error}");
         assert!(Scene::read(&path("plan-2.csv")).is_err(), "named as the scene, too");
-        // Another program rewrites both files after the scene was read, but before its plan is.
+        // Another program rewrites both files after the scene is read but before the plan is.
         let carried = CarriedScene::read(&path("plan.csv")).unwrap().unwrap();
         std::fs::write(path("plan.csv"), "4").unwrap();
         let digests = [("plan.csv".to_owned(), sha256(b"4"))];

@@ -9,7 +9,7 @@ use noctograph_core::lamps::HEADLIGHTS;
 use noctograph_picture::light::{Deck, RING, RingColor, RingEffect};
 use noctograph_plan::PlanOptions;
 
-/// Conditions on a scene's keys, and the values that they imply, as printed above a scene.
+/// Conditions on a scene's keys, and the values that they imply, as listed above a printed scene.
 pub(super) const RULES: [(&str, &str); 4] = [
     ("plan.style", "every other key of [plan] is that style's default"),
     ("light.deck = \"color-led\"", "plan.lights = [\"color-led\"], because it has no headlights"),

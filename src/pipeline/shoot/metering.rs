@@ -68,8 +68,8 @@ impl Metered {
     }
 }
 
-/// Meters the light, and sets the camera's aperture and sensitivity. Returns `None` if the scene
-/// has no metering, or without light.
+/// Meters the light, and sets the camera's aperture and sensitivity. Returns `None` without
+/// metering or without light.
 pub(super) fn metered(
     trace: &LightTrace,
     camera: &mut Camera,

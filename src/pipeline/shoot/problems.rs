@@ -87,7 +87,8 @@ pub(crate) fn is_exposed(sample: &LightSample, camera: &Camera) -> bool {
     sample.level > 0.0 && (camera.shutter_open_s..=camera.shutter_close_s).contains(&sample.time_s)
 }
 
-/// Returns the writing lamps: those that the flights' channels drive, or all without channels.
+/// Returns the writing lamps: those driven by the flights' channels or, without channels, all
+/// lamps.
 pub fn writing<'a>(
     flights: &[Flight],
     trace: &'a LightTrace,
@@ -183,7 +184,7 @@ fn facing_away(lamp: &Lamp, camera: &Camera) -> Option<(f64, f64)> {
     (n_lit > 0).then(|| (f64::from(n_away) / f64::from(n_lit), longest_m))
 }
 
-/// Returns true if no trail is visible in a photo, so that a reader might misread noise.
+/// Returns true if no trail is visible in a photo, in which a reader might misread noise.
 pub fn is_dark(photo: &Photo, camera: &Camera) -> bool {
     exposure_obstacle(photo, camera).is_some_and(|problem| problem.code == UNDEREXPOSED)
 }

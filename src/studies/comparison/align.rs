@@ -13,7 +13,7 @@ const MAX_APART_S: f64 = 3.0;
 const EQUAL_M2: f64 = 1e-11;
 
 /// Returns the time to add to B's timestamps at which its design best matches A's, except for a
-/// constant offset in position. Returns 0 if the clocks agree already.
+/// constant offset in position. Returns 0 if the clocks already agree.
 pub(super) fn offset_s(a: &Flight, b: &Flight) -> Result<f64> {
     let [a, b] = [design(a, "flight A")?, design(b, "flight B")?];
     if difference_m2(&a, &b, 0.0) < EQUAL_M2 {

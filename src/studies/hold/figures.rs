@@ -133,7 +133,7 @@ pub fn hold_figures(
     let flights = (0..runs).into_par_iter().map(|run| {
         Ok(FlightMeans::new(&hold(model, options, scenario, DURATION_S, seed + u64::from(run))?))
     });
-    // Results are collected before errors, so that the first of several errors is returned.
+    // All results are collected first, so that the first of several errors is returned.
     let flights: Vec<Result<FlightMeans>> = flights.collect();
     let flights: Vec<FlightMeans> = flights.into_iter().collect::<Result<_>>()?;
     let mean_of = |value: fn(&FlightMeans) -> f64| mean(flights.iter().map(value));

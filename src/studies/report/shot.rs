@@ -154,7 +154,7 @@ fn flight_section(mut page: Page, shot: &Shot, notes: &ShotNotes<'_>) -> Page {
     page.section("Flight").paths(&paths(shot)).drawings(&drawings)
 }
 
-/// Returns all drones' paths in millimeters. A point is lit if a writing lamp is lit there.
+/// Returns all drones' paths in millimeters. A point is lit if a writing lamp of its drone is lit.
 fn paths(shot: &Shot) -> Vec<Vec<([i32; 3], bool)>> {
     let n_samples: usize = shot.flights.iter().map(|flight| flight.samples.len()).sum();
     // Samples are skipped to keep the page small.
