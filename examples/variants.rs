@@ -5,11 +5,11 @@
 //! cargo run --release --example variants -- NOOR-0.png HELLO-1.png
 //! ```
 //!
-//! The name of a picture consists of its word and a number, which is 0 for the reference team's
-//! letters. The printed line contains the readings of the picture given the word and without it.
-//! For the variants of the picture, the line contains the numbers that are read like the picture
-//! given the word, read correctly given the word, legible, read like the picture without the word,
-//! and read correctly without it, and lists the variants that are read differently.
+//! A picture's name consists of its word and a number, which is 0 for the reference team's letters.
+//! The printed line contains the readings of the picture given the word and without it. For the
+//! variants of the picture, the line contains the numbers that are read like the picture given the
+//! word, read correctly given the word, legible, read like the picture without the word, and read
+//! correctly without it, and lists the variants that are read differently.
 
 use std::error::Error;
 use std::path::Path;

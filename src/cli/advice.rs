@@ -152,7 +152,7 @@ mod tests {
             .collect();
         for change in &changes {
             assert!(paths(Scene::SHAPE.settings()).contains(&*change.key), "{change}");
-            // The default style and deck lack keys that other styles and decks have.
+            // These settings select a style and a deck with keys that the default ones lack.
             let settings = [("plan.style", "even"), ("light.deck", "led-ring")];
             let value = change.value.as_deref().map(|value| (&*change.key, value));
             let settings: Vec<_> = settings.into_iter().chain(value).collect();

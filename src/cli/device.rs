@@ -11,8 +11,8 @@ use crate::error::{Error, Result};
 use crate::expose::BackendChoice;
 use noctograph_core::digest::sha256;
 
-/// Time after which the driver counts as hung. It is long, because a software driver on a busy
-/// machine takes several seconds to compile the shader.
+/// Time after which the driver counts as hung. The time is long, because a software driver on a
+/// busy machine may take several seconds to compile the shader.
 const PATIENCE: Duration = Duration::from_secs(30);
 
 /// Fault that is reported if no process can be started. Unlike a driver's fault, it is not cached.

@@ -134,7 +134,7 @@ impl ExposeArgs {
         self.format.map_or_else(|| Format::from_path(&self.output), Ok)
     }
 
-    /// Imports the samples that the logs contain so far. Prints each note once.
+    /// Imports the samples that the growing logs contain so far. Prints each note once.
     fn shoot_logs(
         &self,
         mut scene: Scene,

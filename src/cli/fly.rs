@@ -75,7 +75,7 @@ pub(super) fn run(args: &FlyArgs) -> Result<Report> {
     Ok(Report::new(text, json).with_files(&files))
 }
 
-/// Converts the setpoints of a log to a plan, and warns of interpolated ones.
+/// Converts a log's setpoints to a plan, and warns if some of them were interpolated.
 fn sent(log: &Flight) -> Result<Plan> {
     let Replay { plan, n_restored } = replay(log)?;
     if n_restored > 0 {

@@ -102,8 +102,8 @@ mean squared error over variance of each state: 1 where the covariance holds, co
 fn words(figures: &[HoldFigures]) -> Value {
     let (mut states, mut missed, mut inconsistent) = (Vec::new(), Vec::new(), Vec::new());
     for f in figures {
-        // Each scenario has one row with the mean squared errors divided by the variances, and one
-        // row with their 95 % intervals.
+        // For each scenario, one row gives the mean squared errors divided by the variances, and
+        // the next row gives their 95 % intervals.
         let name = format!("{}, {}", f.scenario, f.model);
         missed.extend(f.missed.iter().map(|missed| format!("{name}: {missed}")));
         let errors: Vec<String> =

@@ -107,7 +107,7 @@ impl PictureFlags {
             if let Noise::Emva1288(noise) = &mut photo.noise
                 && dots_per_inch.is_some()
             {
-                // If the scene already describes a print, its noise is already that of the dots.
+                // If the scene already describes a print, the noise is that of the print's dots.
                 let before_px = match camera.dots_per_inch {
                     Some(_) => f64::from(camera.width_px),
                     None => camera.body.figures().width_px,

@@ -198,7 +198,7 @@ fn check_flights(args: &ScoreArgs, flights: &[Flight], shown: Option<&str>) -> R
     Ok(())
 }
 
-/// Locates the word by its light in a photo without a camera, and prints a note.
+/// Locates the word by its light if no camera is given, and prints a note.
 fn by_light(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Result<Option<View>> {
     let view = find_word(photo, reading, strokes);
     let text = match view {

@@ -139,7 +139,7 @@ pub(super) fn flight_report(flight: &Flight, sha256: &str, known: Option<Trackin
     Report::with_words(figures, &words, FLIGHT)
 }
 
-/// Lag, in s, below which it is called a lead. It corresponds to 4 mm of a stroke.
+/// Lag, in s, below which it is called a lead. In this time, the drone writes 4 mm of a stroke.
 pub(super) const LEAD_S: f64 = -0.02;
 
 const FLIGHT: &str = "\

@@ -188,7 +188,7 @@ pub fn tuning_report(
         "flights": tuned.n_flights, "candidates": tuned.candidates.len(), "front": front,
         "helped": tuned.helped(), "best": tuned.best, "before": tuned.before,
     });
-    // The changes are shown only if the best candidate was better than the original scene.
+    // The changes are listed only if the best candidate was better than the original scene.
     let changes = options.knobs.iter().flat_map(|knob| &knob.keys).map(|key| {
         let [before, after] = [&tuned.before, &tuned.best].map(|c| shown(&c.settings[key]));
         json!({ "key": key, "before": before, "after": after })

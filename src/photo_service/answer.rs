@@ -120,7 +120,7 @@ pub struct LargeFacts {
     pub stops: Vec<Message>,
 }
 
-/// Changes of a scene that make its word easier to read.
+/// Changes to a scene that make its word easier to read.
 #[derive(Debug, Serialize)]
 pub struct Suggestion {
     /// Increase of the probability that the word is read.
@@ -491,7 +491,7 @@ impl PhotoFacts {
     fn new(shot: &Shot, notes: Vec<Message>) -> Self {
         let (obstacles, others): (Vec<&Diagnostic>, Vec<_>) =
             shot.problems.iter().partition(|problem| problem.is_stop());
-        // A visitor is told only of flaws of the picture, and not of warnings about the flight.
+        // The page shows a visitor flaws of the picture, but not warnings about the flight.
         let flaws =
             others.into_iter().filter(|problem| FLAWS.contains(&code_on_page(problem.code)));
         Self {
@@ -526,7 +526,7 @@ fn drawn_source(strokes: &Strokes) -> Option<DrawnSource> {
     };
     let mut drawn = Vec::new();
     for SourceStroke { points, color } in strokes {
-        // Whole units are accurate enough. Points closer than a unit to the line between their
+        // Whole units are accurate enough. Points within one unit of the line between their
         // neighbors are omitted.
         let points: Vec<[f64; 2]> =
             points.iter().map(|point| [scale * (point[0] - x), scale * (point[1] - y)]).collect();

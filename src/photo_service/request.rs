@@ -84,7 +84,7 @@ pub struct PhotoRequest {
     pub visitor: String,
     /// Number that increases with each change, by which the page recognizes an outdated answer.
     pub number: Option<u64>,
-    /// True if changes are to be tried when the word is unreadable.
+    /// True if the page asks for advice on an unreadable word.
     pub advice: bool,
     /// True if the large photo's files are requested.
     pub files: bool,

@@ -35,23 +35,23 @@ use noctograph::sim::Session;
 ///     Position of the body in m, x right, y into the scene, z up, shape (N, 3).
 /// light : numpy.ndarray or dict of str to numpy.ndarray, optional
 ///     Level of the headlights, 0 to 1, shape (N,). 1 by default. For other lamps a dict by channel, those of
-///     ``plan.lights``: ``{"headlights": on, "color-led": on}``, and of the ring ``"ring.red"``, ``"ring.green"``
-///     and ``"ring.blue"``. Colors and lamps are the scene's (``light.color_led_wrgb``, ``light.deck``). A lamp of
-///     a Crazyflie changes on its firmware's tick, up to 50 ms later: ``set={"light.tick_s": 0}`` in the scene
-///     lights it when you say.
+///     ``plan.lights``: ``{"headlights": on, "color-led": on}``, and of the ring ``"ring.red"``, ``"ring.green"`` and
+///     ``"ring.blue"``. Colors and lamps are the scene's (``light.color_led_wrgb``, ``light.deck``). A lamp of a
+///     Crazyflie changes on the firmware's tick, up to 50 ms later. ``set={"light.tick_s": 0}`` in the scene removes
+///     this delay.
 /// attitude_rad : numpy.ndarray, optional
 ///     Yaw, pitch and roll in rad, in this order, shape (N, 3). 0 by default. Yaw is about the world's z, then pitch
 ///     about y, then roll about x: the angles that ROS and PyBullet call roll, pitch, yaw and give in the opposite
 ///     order (``rpy[:, ::-1]``). `attitude_rad` computes them from quaternions.
 /// design_m : numpy.ndarray, optional
-///     Planned position in m, shape (N, 3). Without a design there is no tracking error. Without a word in
-///     the scene, the camera frames the design where there is light, or else what was flown.
+///     Planned position in m, shape (N, 3). Without a design there is no tracking error. If the scene contains no
+///     word, the camera frames the lit part of the design, or else the flown path.
 ///
 /// Notes
 /// -----
 /// The times may begin at any value, because the exposure of a photograph begins with the flight.
 /// The arrays of a flight are copies. A quantity that the flight lacks is NaN. ``warnings`` and
-/// `NoctographWarning` ask about numbers that look like other units or axes.
+/// `NoctographWarning` report numbers that look as if they had other units or axes.
 #[pyclass(frozen, name = "Flight", module = "noctograph")]
 #[derive(Debug)]
 pub(super) struct PyFlight {
@@ -134,13 +134,13 @@ impl PyFlight {
         Ok(Self::new(flight))
     }
 
-    /// Reads the flight that ``save`` or ``noctograph fly`` wrote to a file.
+    /// Reads a flight from a file written by ``save`` or ``noctograph fly``.
     #[staticmethod]
     fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         Flight::read_csv(&path).map(Self::new).map_err(|error| raised(py, &error))
     }
 
-    /// Reads a flight from the text that ``to_csv`` makes.
+    /// Reads a flight from the text that ``to_csv`` returns.
     #[staticmethod]
     fn from_csv(py: Python<'_>, csv: &str) -> PyResult<Self> {
         let flight = Flight::parse_csv(csv.as_bytes(), "flight");
@@ -250,8 +250,8 @@ impl PyFlight {
         text_of(|csv| self.flight.write_csv(csv))
     }
 
-    /// Writes ``to_csv`` to a file, which appears when it is complete. If a scene is given, it is
-    /// written beside it as ``NAME.scene.toml``, with the file's digest, as by the command line.
+    /// Writes ``to_csv`` to a file, which appears when it is complete. Like the command line, also
+    /// writes the scene, if one is given, as ``NAME.scene.toml`` with the file's digest.
     #[pyo3(signature = (path, scene=None))]
     fn save(&self, py: Python<'_>, path: PathBuf, scene: Option<&PyScene>) -> PyResult<()> {
         save_with(py, &path, self.to_csv().as_bytes(), scene)
@@ -266,7 +266,7 @@ impl PyFlight {
         reduced(slf.as_any(), "from_csv", slf.get().to_csv())
     }
 
-    /// Draws the path from the front, over the design, for notebooks. None without samples.
+    /// Draws the path from the front, over the design, for notebooks. None if there are no samples.
     fn _repr_svg_(&self) -> Option<String> {
         let samples = self.flight.samples.clone();
         (!samples.is_empty()).then(|| front_view(&[NamedFlight { name: "flown".into(), samples }]))
@@ -358,18 +358,20 @@ fn call_controller(
 ///     ``Flight.time_s``. The controller is called ``rates.attitude_hz`` times a second (500 by default) while the
 ///     motors are on.
 /// estimator : callable, optional
-///     In place of the scene's estimator, for one drone: ``estimator(state)``, a class or a function, is given the state
-///     at rest, shape (12,), and returns what is called at each tick (``rates.control_hz``, 500 by default) with
-///     ``(readings, tick_s)`` and returns the estimate, shape (12,), as a controller gets it. ``readings`` is a dict:
-///     at each tick ``"rate_rad_s"`` (gyroscope) and ``"specific_force_m_s2"`` (accelerometer: (0, 0, g) at rest), both
-///     (3,) in the body frame, and ``"throttle"``, the mean motor command since the last tick, 0 to 1. When it is due
-///     what ``sensors.positioning`` and ``sensors.heights`` measure: ``"position_m"`` (3,), ``"sweeps"``, a list of
-///     (station, plane, angles of the four sensors in rad), ``"ranges"``, a list of (anchor, anchor whose distance was
-///     subtracted or None, m), ``"time-of-flight"`` and ``"barometer"`` in m.
+///     Replaces the scene's estimator, for one drone. ``estimator(state)``, a class or a function, receives the state
+///     at rest, shape (12,), and returns a callable. It is called at each tick (``rates.control_hz``, 500 by default)
+///     with ``(readings, tick_s)``, and returns the estimate, shape (12,), as a controller receives it. ``readings``
+///     is a dict: at each tick ``"rate_rad_s"`` (gyroscope) and ``"specific_force_m_s2"`` (accelerometer: (0, 0, g)
+///     at rest), both (3,) in the body frame, and ``"throttle"``, the mean motor command since the last tick, 0 to 1.
+///     At the ticks of their measurements, it also contains what ``sensors.positioning`` and ``sensors.heights``
+///     measure: ``"position_m"`` (3,), ``"sweeps"``, a list of (station, plane, angles of the four sensors in rad),
+///     ``"ranges"``, a list of (anchor, anchor whose distance was subtracted or None, m), ``"time-of-flight"`` and
+///     ``"barometer"`` in m.
 /// covariance : bool
 ///     True to add the uncertainty of the drone's Kalman filter to ``Flight.extra``: ``estimate_sigma_m``, the
-///     standard deviation of the position over three axes, and ``estimate_nees``, its squared error over its
-///     covariance, a third, 1 on average in the air where the filter is honest. A fleet's filter always has.
+///     standard deviation of the position over three axes, and ``estimate_nees``, its squared error normalized by its
+///     covariance and divided by three, whose mean in the air is 1 if the filter is consistent. A fleet's filter
+///     always adds both.
 ///
 /// Returns
 /// -------

@@ -30,7 +30,7 @@ use noctograph::shoot::{Shoot, Stop};
 /// velocity_m_s, acceleration_m_s2 : numpy.ndarray, optional
 ///     In the axes of the position, shape (N, 3). 0 by default.
 /// sent_m : numpy.ndarray, optional
-///     Positions that are sent in place of the design's, shape (N, 3).
+///     Positions to send in place of those of the design, in m, shape (N, 3).
 /// yaw_rad : float
 ///     Heading during the whole flight.
 #[pyclass(frozen, name = "Plan", module = "noctograph")]
@@ -106,13 +106,13 @@ impl PyPlan {
         Self::from_csv(py, &Self(plan.map_err(|error| raised(py, &error))?).to_csv())
     }
 
-    /// Reads the plan that ``save`` or ``noctograph plan`` wrote to a file.
+    /// Reads a plan from a file written by ``save`` or ``noctograph plan``.
     #[staticmethod]
     fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         Plan::read_csv(&path).map(Self).map_err(|error| raised(py, &error))
     }
 
-    /// Reads a plan from the text that ``to_csv`` makes.
+    /// Reads a plan from the text that ``to_csv`` returns.
     #[staticmethod]
     fn from_csv(py: Python<'_>, csv: &str) -> PyResult<Self> {
         Plan::parse_csv(csv.as_bytes(), "plan").map(Self).map_err(|error| raised(py, &error))
@@ -167,7 +167,7 @@ impl PyPlan {
         array(py, &self.0.lit(), 1)
     }
 
-    /// Returns the design at any times, as `fly` passes it to a controller as reference.
+    /// Returns the design at the given times, as `fly` passes it to a controller as the reference.
     ///
     /// Parameters
     /// ----------
@@ -226,8 +226,8 @@ impl PyPlan {
         text_of(|csv| self.0.write_csv(csv))
     }
 
-    /// Writes ``to_csv`` to a file, which appears when it is complete. If a scene is given, it is
-    /// written beside it as ``NAME.scene.toml``, with the file's digest, as by the command line.
+    /// Writes ``to_csv`` to a file, which appears when it is complete. Like the command line, also
+    /// writes the scene, if one is given, as ``NAME.scene.toml`` with the file's digest.
     #[pyo3(signature = (path, scene=None))]
     fn save(&self, py: Python<'_>, path: PathBuf, scene: Option<&PyScene>) -> PyResult<()> {
         save_with(py, &path, self.to_csv().as_bytes(), scene)

@@ -119,12 +119,12 @@ impl PyScene {
         }
     }
 
-    /// Returns the scene as TOML, every key with its meaning.
+    /// Returns the scene as TOML, with the meaning of each key.
     fn to_toml(&self) -> String {
         self.0.to_toml()
     }
 
-    /// Reads a scene from the text that ``to_toml`` makes.
+    /// Reads a scene from the text that ``to_toml`` returns.
     #[staticmethod]
     fn from_toml(py: Python<'_>, toml: &str) -> PyResult<Self> {
         Scene::parse(toml, "scene").map(Self).map_err(|error| raised(py, &error))

@@ -134,7 +134,8 @@ impl PyShot {
         Ok((photograph.unbind(), (self.scene(), self.flights())))
     }
 
-    /// Returns a JPEG for notebooks, at most 200 kB. ``to_png`` and ``save`` have the photo itself.
+    /// Returns a JPEG for notebooks, at most 200 kB. ``to_png`` and ``save`` provide the photo
+    /// itself.
     fn _repr_jpeg_<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
         PyBytes::new(py, &self.small_jpeg())
     }
@@ -173,7 +174,7 @@ impl PyShot {
 /// Returns
 /// -------
 /// Shot
-///     Problems and doubts are in its ``warnings``, and are issued as `NoctographWarning`.
+///     Its ``warnings`` list problems and doubts, which are also issued as `NoctographWarning`.
 #[pyfunction]
 #[pyo3(signature = (scene, flights = None))]
 pub(super) fn photograph(

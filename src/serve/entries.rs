@@ -67,7 +67,7 @@ pub(crate) struct ForVisitor {
     read: Option<String>,
     legible: Option<bool>,
     readability: Option<f64>,
-    /// Its flight, if the log was followed.
+    /// Photo of the entry's flight, if its log was followed.
     flown: Option<FlownPhoto>,
     /// Number of entries that fly before this one, and the time that they take.
     ahead: usize,
@@ -91,7 +91,7 @@ struct WallPhoto {
     /// True if the entry is in the air.
     flying: bool,
     readability: Option<f64>,
-    /// Its flight, if the log was followed.
+    /// Photo of the entry's flight, if its log was followed.
     flown: Option<FlownPhoto>,
     /// True if the wall shows the light of the flight so far.
     live: bool,
@@ -110,7 +110,7 @@ struct Light {
 /// Note for the operator about the log of a flight.
 #[derive(Debug, PartialEq, Serialize)]
 pub(crate) struct FlightNote {
-    /// Name of the page's sentence.
+    /// Key of the note's sentence on the page.
     pub(crate) key: &'static str,
     /// Name of the log.
     pub(crate) name: String,
@@ -187,7 +187,7 @@ impl Senders {
     }
 }
 
-/// Returns the tokens that a bucket has now, if it had `tokens` at the time `since`.
+/// Returns the tokens in a bucket at the time `now`, if it contained `tokens` at the time `since`.
 fn refilled((tokens, since): (f64, Instant), now: Instant) -> f64 {
     f64::min(BURST, tokens + now.saturating_duration_since(since).as_secs_f64() / REFILL_S)
 }
@@ -224,7 +224,7 @@ impl Entries {
         if let Some(receipt) = list.receipt(photo) {
             return Ok(Some(receipt));
         }
-        // Photos sent before the pause have been confirmed again by the check above.
+        // The pause is checked after photos that already have an entry.
         if list.paused {
             return Err(Key::Paused);
         }
@@ -312,7 +312,7 @@ impl Entries {
         Ok(())
     }
 
-    /// Moves entries to the front of the queue, in the order of `ids`. Returns the new revision.
+    /// Moves the entries `ids`, in this order, to the front of the queue. Returns the new revision.
     pub(crate) fn reorder(&self, ids: &[String]) -> KeyResult<u64> {
         let mut list = self.list();
         // The sort is stable, so that the other entries keep their order.
@@ -439,7 +439,7 @@ impl Entries {
         self.list().flown_file(|entry| entry.id == id, name)
     }
 
-    /// Returns the path of a file of the flight of an entry on the wall.
+    /// Returns the path of a flight's file for an entry on the wall.
     pub(crate) fn wall_flown(&self, key: &str, name: &str) -> Option<PathBuf> {
         self.list().flown_file(|entry| entry.key == key && self.is_shown(entry), name)
     }
@@ -498,7 +498,7 @@ impl Entries {
         }
     }
 
-    /// Marks the flight that is shown as over.
+    /// Marks the flight that the wall shows as ended.
     pub(crate) fn end_light(&self) {
         if let Some(light) = self.list().light.as_mut().filter(|light| light.is_live) {
             light.is_live = false;

@@ -107,8 +107,8 @@ impl Server {
     }
 }
 
-/// Decodes a text from the hexadecimal digits of its bytes. Returns `None` if they are invalid or
-/// the text is too long.
+/// Decodes a text from the hexadecimal digits of its bytes. Returns `None` if the digits are
+/// invalid or the text is too long.
 fn hex_text(query: &str) -> Option<String> {
     let (pairs, rest) = query.as_bytes().as_chunks::<2>();
     if pairs.len() > MAX_TEXT || !rest.is_empty() {

@@ -248,8 +248,8 @@ impl Server {
         }
     }
 
-    /// Returns the answer with a photo or scripts made on this machine, for the host or for a
-    /// browser without the module.
+    /// Returns the answer with a photo or scripts made on this machine, for the host or for
+    /// browsers without the module.
     async fn photo(&self, photo: PhotoRequest, name: &str, request: &Request) -> KeyResult<Reply> {
         let product = match name {
             "live" => Product::Live,

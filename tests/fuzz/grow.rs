@@ -1,9 +1,9 @@
 //! Growth of files, in which elements of valid files are repeated, nested and lengthened until the
 //! file is as large as its reader accepts.
 //!
-//! [`crate::mutate`] changes small files in few places, which never requires more than a few times
-//! the work of a seed. In contrast, this module makes thousands or millions of numbered or
-//! identical copies of one kind of element, with or without a second kind.
+//! [`crate::mutate`] changes small files in a few places, and such a file never takes more than a
+//! few times the work of its seed. In contrast, this module makes thousands or millions of numbered
+//! or identical copies of one kind of element, with or without a second kind.
 
 use crate::heavy;
 use crate::mutate::Random;

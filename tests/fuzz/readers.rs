@@ -79,7 +79,7 @@ fn word(path: &Path, bytes: &[u8]) -> bool {
     let font = path.display().to_string();
     let trace = if bytes.len().is_multiple_of(8) { Trace::CenterLine } else { Trace::Outline };
     let options = LetterOptions { font, trace, ..LetterOptions::default() };
-    // The text is either shaped, or set letter by letter.
+    // One of the texts requires shaping, and the other is set letter by letter.
     let text = if bytes.len().is_multiple_of(3) { "fiA\u{200d}O" } else { "AO" };
     write(text, &options).is_ok_and(finite)
 }

@@ -74,8 +74,7 @@ fn check_verdict(verdict: &Value, middle: &FlightSample, gap_s: [f64; 2]) {
     }
 }
 
-/// The attitude moves the lamps by only a few millimeters, so no light is omitted if only the
-/// attitude is missing.
+/// Because the attitude moves the lamps by only a few millimeters, a gap in it omits no light.
 #[test]
 fn a_gap_of_the_attitude_alone_leaves_no_gap_in_the_flight() {
     let (folder, flight) = (tempfile::tempdir().unwrap(), flown("NO"));

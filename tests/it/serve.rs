@@ -21,7 +21,7 @@ struct Server {
     path: String,
     /// Path of the operator's page.
     operator: String,
-    /// Temporary folder of the server, unless a folder is given.
+    /// Temporary folder of the server, unless the test provides one.
     _temporary: tempfile::TempDir,
 }
 
@@ -664,7 +664,7 @@ fn the_operator_decides_what_hangs_and_what_flies() {
     let own = json!({ "do": "withdraw", "visitor": "late" });
     assert_eq!(server.post(&format!("entries/{withdrawn}"), &own).0, 200);
     assert_eq!(server.at(&format!("/e/{withdrawn}/entry.json")).0, 404);
-    // An entry's id cannot be guessed. NOCTOGRAPH_GUESSES=1000000 sets the number of guesses.
+    // An entry's id cannot be guessed. The variable NOCTOGRAPH_GUESSES sets the number of guesses.
     let n = std::env::var("NOCTOGRAPH_GUESSES").map_or(300, |n| n.parse().unwrap());
     let mut guess = 0x9e37_79b9_7f4a_7c15_f39c_c060_5ced_c835_u128;
     for _ in 0..n {

@@ -73,7 +73,7 @@ fn rank_leaves_tables_flights_and_photos() {
 #[test]
 fn a_scene_whose_every_photo_lacks_a_letter_ranks_below_one_that_reads() {
     let folder = tempfile::tempdir().unwrap();
-    // The shutter closes before the last letter, P, is written.
+    // The shutter closes before the last letter is written.
     let late = "[camera]\nshutter_close_s = 31.9\n";
     std::fs::write(folder.path().join("late.toml"), late).unwrap();
     std::fs::write(folder.path().join("whole.toml"), "word = \"PARIS\"\n").unwrap();
