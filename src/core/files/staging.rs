@@ -72,8 +72,8 @@ pub(super) fn locked(folder: &Path) -> Option<File> {
 }
 
 /// Locks a folder with a file in it, because Windows cannot open a folder as a file. Only one
-/// program at a time can open the lock file. Windows removes it when it is closed or that program
-/// is killed.
+/// program at a time can open the lock file. Windows removes the file when that program closes it
+/// or is killed.
 #[cfg(windows)]
 pub(super) fn locked(folder: &Path) -> Option<File> {
     // Renames by another program take milliseconds. The number of attempts is limited because the
