@@ -401,7 +401,7 @@ mod tests {
             (BodyModel::GalaxyS24, 85.0, 1.8),
         ] {
             let camera = camera_with(body);
-            // The picture's aspect ratio is 4:3, so that its diagonal is 5/4 of its width.
+            // The picture's aspect ratio is 4:3, so its diagonal is 5/4 of its width.
             let actual = 2.0 * libm::atan(0.625 * camera.sensor_width_m / camera.focal_length_m);
             assert!((actual.to_degrees() - degrees).abs() < 0.7, "{:.1}°", actual.to_degrees());
             assert_eq!((camera.f_number, camera.base_iso), (f_number, 50.0));

@@ -141,7 +141,7 @@ fn remove_leftovers(folder: &Path) {
         // Opening other entries, such as a pipe, could block.
         let is_removable = |kind: &FileType| is_ours && (kind.is_file() || kind.is_dir());
         let Some(kind) = entry.file_type().ok().filter(is_removable) else { continue };
-        // A file that cannot be removed does no harm.
+        // Failures are ignored, because a remaining temporary file is harmless.
         let _ = remove_left_behind(&path, kind.is_dir());
     }
 }

@@ -54,16 +54,16 @@ settings! {
         ///
         /// The firmware's main loop runs at 1000 Hz.
         control_hz: u32 = 500, in 50.0..=2000.0;
-        /// Number of motor commands per second. This rate divides `control_hz` and is limited by
-        /// it. Motors hold their command between two updates.
+        /// Number of motor commands per second. This rate must divide `control_hz`, and is limited
+        /// to it. Motors hold their command between two updates.
         ///
         /// Regulators and the cascade's attitude and rate loops run at this rate.
         attitude_hz: u32 = 500, in 50.0..=2000.0;
-        /// Number of samples per second in the flight's log. This rate divides `control_hz`.
+        /// Number of samples per second in the flight's log. This rate must divide `control_hz`.
         log_hz: u32 = 250, in 1.0..=2000.0;
         fixed {
-            /// Number of runs per second of the cascade's position and velocity loops. The rate
-            /// divides `attitude_hz` and is limited by it.
+            /// Number of runs per second of the cascade's position and velocity loops. This rate
+            /// must divide `attitude_hz`, and is limited to it.
             position_hz: u32 = 100;
             /// Number of Runge-Kutta steps per control tick.
             ///

@@ -204,7 +204,8 @@ settings! {
     /// ranges and heights measured since the last message. It takes 24 bytes, plus 3 bytes per
     /// range or height.
     pub struct PeerOptions {
-        /// True if the drones measure the distances between them, like those to anchors.
+        /// True if the drones measure the distances between them in the same way as those to
+        /// anchors.
         ranging: bool = false;
         /// Number of messages that each drone sends per second.
         rate_hz: f64 = 20.0, in 0.1..=500.0;
@@ -218,8 +219,8 @@ settings! {
     ///
     /// The defaults are those of the firmware (`zranger2.c`).
     pub struct TimeOfFlightOptions {
-        /// Standard deviation of the white noise of a distance near the floor. The sensor adds 2.5
-        /// mm at 2.5 m and 0.2 m at 4 m.
+        /// Standard deviation of the white noise of a distance near the floor. The sensor adds
+        /// noise of 2.5 mm at 2.5 m and of 0.2 m at 4 m.
         noise_m: f64 = 0.0025, in 0.0..=10.0;
         /// Number of measurements per second.
         rate_hz: f64 = 40.0, in 0.1..=2000.0;

@@ -7,7 +7,7 @@ use noctograph_core::settings::settings;
 
 pub(super) use noctograph_core::crazyflie::GRAVITY_M_S2;
 
-/// Number of charge steps over which a battery's duration is summed.
+/// Number of steps in the search for the charge at which a battery is empty.
 const EMPTY_STEPS: u16 = 1000;
 
 settings! {
