@@ -14,7 +14,7 @@ pub trait Rules {
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Input`] for a broken rule.
+    /// Returns [`Error::Input`] if a rule is violated.
     fn check(&self) -> Result<()>;
 }
 

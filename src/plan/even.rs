@@ -22,12 +22,14 @@ const LEAST_LEVEL: f64 = 0.04;
 /// Height in m above its home to which each of several drones climbs first.
 const OVER_HOME_M: f64 = 0.3;
 /// Acceleration of the take-off as a fraction of that of other transits. A climb that saturates the
-/// motors winds up a PID controller's integrators. The first letter would then be too high.
+/// motors winds up a PID controller's integrators. The drone would then write the first letter too
+/// high.
 const TAKE_OFF_FRACTION: f64 = 0.5;
 /// Run-in of the first stroke, in s of flight at stroke speed from the hover to its beginning.
 const RUN_IN_S: f64 = 0.3;
 /// Delay in s of the light relative to a loop's beginning and end, so that the drone is equally far
-/// off the curve when the light goes on and off. Only loops longer than three delays have one.
+/// off the curve when the light goes on and off. Only loops longer than three delays have such a
+/// delay.
 const LEAD_S: f64 = 0.4;
 /// Length in m by which a loop's light overlaps itself. The light's beginning and end are each
 /// uncertain by half a tick of the lamp timer (5 mm at 0.2 m/s), and the drone's position along the

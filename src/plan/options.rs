@@ -35,7 +35,7 @@ settings! {
         /// Style of flying. The style also sets the defaults of the other keys in this table.
         style: Style = Style::default();
         fixed {
-            /// Rate in true seconds per second of the clock that times the setpoints, while light
+            /// Rate, in clock seconds per true second, of the clock that times the setpoints. Light
             /// commands from the host keep true time. By default, the rate is 1 if the host sends
             /// the setpoints, and that of `vehicle.firmware` for an onboard trajectory
             /// (`radio.setpoints`), which is 84/85 up to release 2026.08 (`usec_time.c`).
@@ -55,7 +55,7 @@ settings! {
         "even" => Even(EvenStyle),
     }
 
-    /// The reference team's style of flying, with the figures of their flight of December 2022.
+    /// The reference team's style of flying, with the values from their flight of December 2022.
     pub struct TeamStyle {
         /// Distance to the right of a letter's box to which the drone steps after the letter.
         step_m: f64 = 0.1, in 0.0..=10.0;
@@ -81,7 +81,8 @@ settings! {
         acceleration_m_s2: f64 = 2.0, in 0.01..=100.0;
         /// Maximum jerk of the design. A higher jerk takes corners faster but requires fast tilts.
         ///
-        /// For example, 30 m/s³ is a tilt of 11.5° in 0.07 s, a third of the attitude loop's limit.
+        /// For example, 30 m/s³ tilts the drone by 11.5° in 0.07 s, a third of the attitude loop's
+        /// limit.
         jerk_m_s3: f64 = 30.0, in 0.1..=10_000.0;
         /// Maximum distance of a rounded corner from the drawn corner.
         corner_error_m: f64 = 0.01, in 0.0001..=1.0;

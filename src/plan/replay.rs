@@ -19,7 +19,7 @@ const LOST_SPEED: std::ops::Range<f64> = 0.7..1.3;
 pub struct Replay {
     /// Plan with the setpoints.
     pub plan: Plan,
-    /// Number of the plan's setpoints that the log had lost and [`replay`] restored.
+    /// Number of the plan's setpoints that were missing in the log and that [`replay`] restored.
     pub n_restored: usize,
 }
 

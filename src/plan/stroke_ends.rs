@@ -1,6 +1,6 @@
 //! Errors of the light at the beginnings and ends of a flight's strokes.
 //!
-//! The flight's lag and mean error are removed first. The light's error relative to the drone
+//! The flight's lag and mean error are removed first. The error of the light relative to the drone
 //! remains.
 
 use nalgebra::Vector3;

@@ -401,7 +401,7 @@ pub(super) fn turned_ahead(state: &State, yaw_rad: f64) -> State {
     if yaw_rad == 0.0 {
         return *state;
     }
-    // Only position and yaw change. Velocity and rate are in the body frame and stay the same.
+    // Only position and yaw change, because velocity and rate are in the body frame.
     let mut ahead = *state;
     ahead.fixed_rows_mut::<3>(0).copy_from(&turned(&state.fixed_rows::<3>(0).into(), -yaw_rad));
     let (sin, cos) = libm::sincos(state[3] - yaw_rad);
@@ -426,7 +426,7 @@ fn tuning_keys(Kinds { controller, estimator }: Kinds) -> String {
 const EMPTY_HELP: &str = "fly less: a shorter word, larger plan.style.stroke_speed_m_s, \
                           shorter plan.style.hover_s, or a larger battery.capacity_ah";
 
-/// Returns how a drone was lost, according to its true or its estimated state, or `None`.
+/// Returns how the true or the estimated state shows that a drone is lost, or `None`.
 fn loss(body: &RigidBody, estimate: &State) -> Option<&'static str> {
     // The check has no branches that may be mispredicted. NaN counts as out of bounds.
     fn are_bounded(values: &[f64]) -> bool {

@@ -25,8 +25,8 @@ const TICKS_PER_REPORT: u32 = 250;
 ///
 /// Returns the errors of [`SimOptions::check`](crate::SimOptions::check). Returns [`Error::Input`]
 /// for a plan without setpoints or with values that no drone can reach. Returns
-/// [`Error::Infeasible`] for a plan longer than an hour, for weights without a gain, and for a
-/// drone that turns over or flies away.
+/// [`Error::Infeasible`] for a plan longer than an hour, for weights that give no gain, and for a
+/// drone that flips over or flies away.
 ///
 /// # Panics
 ///

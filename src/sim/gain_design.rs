@@ -171,8 +171,8 @@ pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
         longest_lag_s,
     );
 
-    // The observer has the nine states of `Motion`, with body rate and thrust as inputs. It runs
-    // without the yaw, which measured positions do not reveal.
+    // The observer has the nine states of `Motion`, with body rate and thrust as inputs. The yaw is
+    // left out, because it is not observable from measured positions.
     let (motion_a, _) = hover_model(linearize_finely);
     let l = observer_gain(&options.observer.luenberger, &motion_a)?;
     let observer_a = without_yaw(&motion_a) - l * SMatrix::<f64, 3, 8>::identity();
@@ -274,7 +274,7 @@ fn largest_inputs(vehicle: &VehicleOptions) -> [f64; 4] {
 }
 
 /// Returns warnings about a loop that is unstable with the lag, and about the altitude loop.
-/// `poles` contains the poles without and with lag.
+/// `poles` contains the poles without lag, and those with lag.
 fn warnings(
     options: &SimOptions,
     lag_s: f64,

@@ -12,7 +12,7 @@
 //!
 //! Equations, weights and default values are those of the reference flight (AE483, 2022, preset
 //! `ae483-2022`, the default of [`SimOptions`]). Lighthouse errors are from Bitcraze's
-//! `positioning_dataset` (arXiv 2104.11523). IMU noise is from the data sheet of the BMI088. The
+//! `positioning_dataset` (arXiv 2104.11523), and IMU noise is from the BMI088's data sheet. The
 //! other sensors and the Kalman filter follow the Crazyflie's firmware.
 //!
 //! Whole-number motor commands, filters of the inertial sensors, and sliding, bouncing and tipping

@@ -10,7 +10,7 @@ use noctograph_core::plan::Plan;
 
 /// Flight of one drone, which waits for motor commands `rates.attitude_hz` times per second while
 /// its setpoint is above the floor. The functions of a session have the errors and panics of
-/// [`fly`](crate::fly).
+/// [`fly`](crate::fly()).
 #[derive(Debug)]
 pub struct Session {
     plan: Plan,
@@ -79,7 +79,7 @@ impl Session {
         self.rig.avionics.design(&self.plan, self.time_s()).position_m.into()
     }
 
-    /// Commands the motors m1…m4, 0 to `vehicle.motor_max`, and flies to the next command or
+    /// Commands the motors m1…m4 (0 to `vehicle.motor_max`), and flies to the next command or
     /// landing.
     pub fn command(&mut self, motors: [f64; 4]) -> Result<()> {
         if self.has_landed {

@@ -11,11 +11,10 @@ settings! {
     /// Sensor widths are the makers' specifications: 23.5 mm for the Sony ILCE-6400, 13.2 mm for
     /// the Sony DSC-RX100M7 (1-inch type), 22.3 mm for the Canon EOS 2000D, 8.2 mm for a phone's
     /// 1/1.56-inch type, 9.8 mm for the Pixel 8 Pro, and 4032 pixels of 2.44 µm for the iPhone 15
-    /// Pro. Full wells of 2500 electrons per µm² of pixel, as usual for CMOS sensors of these
-    /// years, and read noises of 2 to 4 electrons are assumptions of the right magnitude, not
-    /// measurements of a camera.
+    /// Pro. Full wells of 2500 electrons per µm² of pixel area, usual for CMOS sensors of that
+    /// time, and read noises of 2 to 4 electrons are plausible assumptions, not measurements.
     ///
-    /// Phones have a fixed lens, that of the main camera ([`FixedLens`]).
+    /// A phone has the fixed lens of its main camera ([`FixedLens`]).
     pub enum BodyModel tagged {
         /// Any body, given by its sensor.
         "custom" => Custom(CustomBody),

@@ -43,8 +43,8 @@ pub struct Camera {
     pub focus_m: Option<f64>,
     /// Distortion coefficients k1, k2 (radial) and p1, p2 (tangential) of the Brown–Conrady model
     /// as in `OpenCV`. If x and y are the tangents of the angles from the axis, and r² = x² + y²,
-    /// the lens maps them to `x (1 + k1 r² + k2 r⁴) + 2 p1 x y + p2 (r² + 2 x²)` and `y (1 + k1 r²
-    /// + k2 r⁴) + p1 (r² + 2 y²) + 2 p2 x y`.
+    /// the lens maps them to `x (1 + k1 r² + k2 r⁴) + 2 p1 x y + p2 (r² + 2 x²)` and
+    /// `y (1 + k1 r² + k2 r⁴) + p1 (r² + 2 y²) + 2 p2 x y`.
     pub distortion: [f64; 4],
     /// Fraction of the light that vignetting removes at the corner of the picture, in addition to
     /// the natural cos⁴ falloff. It increases with the square of the distance from the center.

@@ -23,8 +23,9 @@ const LEAST_FOCUS_M: f64 = 0.1;
 settings! {
     /// Settings of the camera.
     ///
-    /// The default is a full-frame camera with a 35 mm lens at f/8 and ISO 100, the usual starting
-    /// point for light painting. The default blur is half of the usual 30 µm circle of confusion.
+    /// The default is a full-frame camera with a 35 mm lens at f/8 and ISO 100, which is the usual
+    /// starting point for light painting. The default blur is half the usual 30 µm circle of
+    /// confusion.
     pub struct CameraOptions {
         /// Automatic exposure, off in a scene that sets `f_number` or `iso` but not this key.
         metering: Metering = Metering::default();
@@ -82,8 +83,8 @@ settings! {
         trail_stops: f64 = 1.0, in -10.0..=10.0;
         /// Exposure at the middle of a colored lamp's trail, in its strongest color channel.
         ///
-        /// The tone of an orange trail is off by ΔE 10 (CIEDE2000, at equal lightness) at
-        /// saturation, by 7 half a stop below, and by 27 two stops above.
+        /// The color error of an orange trail (CIEDE2000, at equal lightness) is 10 at saturation,
+        /// 7 at half a stop below it, and 27 at two stops above it.
         color_stops: f64 = -0.5, in -10.0..=10.0;
         /// Maximum exposure from the room's light, which accumulates while the shutter is open. In
         /// a brighter room the trail is exposed less, down to `least_stops`.
@@ -400,7 +401,7 @@ mod tests {
             (BodyModel::GalaxyS24, 85.0, 1.8),
         ] {
             let camera = camera_with(body);
-            // The picture's aspect ratio is 4:3, so that its diagonal is 5/4 of its width.
+            // The picture's aspect ratio is 4:3, so its diagonal is 5/4 of its width.
             let actual = 2.0 * libm::atan(0.625 * camera.sensor_width_m / camera.focal_length_m);
             assert!((actual.to_degrees() - degrees).abs() < 0.7, "{:.1}°", actual.to_degrees());
             assert_eq!((camera.f_number, camera.base_iso), (f_number, 50.0));

@@ -169,7 +169,7 @@ impl Release {
         Feature::ALL.iter().all(|feature| self.has(feature) == other.has(feature))
     }
 
-    /// Returns the rate of the clock for card logs and onboard trajectories, in clock s per true s.
+    /// Returns the rate of the clock for card logs and onboard trajectories, relative to true time.
     pub fn clock(self) -> f64 {
         if self.has(&Feature::CLOCK) { 1.0 } else { SLOW_CLOCK }
     }

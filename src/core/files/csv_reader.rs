@@ -153,7 +153,7 @@ impl Head {
     pub fn find(text: &[u8]) -> Self {
         let lines: Vec<&[u8]> = lines(text).take(HEAD_LINES).collect();
         let rows = lines.iter().enumerate().filter(|(_, line)| !is_comment(line));
-        // The first row is the first line that is a row with any of the separators.
+        // The first row is the first line that any of the separators splits into a row of numbers.
         let first = { rows }.find_map(|(index, line)| {
             Some((index, Separator::ALL.into_iter().find(|s| s.is_row(line))?))
         });

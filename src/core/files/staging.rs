@@ -72,8 +72,8 @@ pub(super) fn locked(folder: &Path) -> Option<File> {
 }
 
 /// Locks a folder with a file in it, because Windows cannot open a folder as a file. Only one
-/// program at a time can open the lock file. Windows removes it when it is closed or that program
-/// is killed.
+/// program at a time can open the lock file. Windows removes the file when that program closes it
+/// or is killed.
 #[cfg(windows)]
 pub(super) fn locked(folder: &Path) -> Option<File> {
     // Renames by another program take milliseconds. The number of attempts is limited because the
@@ -141,7 +141,7 @@ fn remove_leftovers(folder: &Path) {
         // Opening other entries, such as a pipe, could block.
         let is_removable = |kind: &FileType| is_ours && (kind.is_file() || kind.is_dir());
         let Some(kind) = entry.file_type().ok().filter(is_removable) else { continue };
-        // A file that cannot be removed does no harm.
+        // Failures are ignored, because a remaining temporary file is harmless.
         let _ = remove_left_behind(&path, kind.is_dir());
     }
 }

@@ -158,7 +158,7 @@ impl Flight {
             FlightSample::from_numbers(cells.map(|cell| cell.map_or(0.0, |column| column[row])))
         });
         let samples: Vec<FlightSample> = samples.collect();
-        // Lights and further columns follow. A file that has neither further columns nor any
+        // Lights and further columns are read next. A file that has neither further columns nor any
         // quantity is refused because its first position column is missing.
         let lights = light_columns(table)?;
         let further = table.columns_after("").filter(|(name, _)| !is_standard_column(name));

@@ -45,7 +45,7 @@ pub fn simplify(line: &[[f64; 2]], error: f64) -> Vec<usize> {
     if line.len() < 3 {
         return (0..line.len()).collect();
     }
-    // Both ends of the line remain. In each span between remaining points, the farthest point
+    // Both ends of the line are kept. In each span between remaining points, the farthest point
     // remains and splits the span in two if its distance exceeds the error.
     let mut keep = vec![false; line.len()];
     (keep[0], keep[line.len() - 1]) = (true, true);

@@ -58,7 +58,7 @@ pub const CHANNELS: [Channel; 3] = [
 pub const RING: &Channel = &CHANNELS[1];
 /// Channel of the color LED deck.
 pub const COLOR_LED: &Channel = &CHANNELS[2];
-/// Name of the channel with which the reference team wrote its letters.
+/// Name of the channel that the reference team used for its letters.
 pub const HEADLIGHTS: &str = CHANNELS[0].name;
 
 impl Channel {

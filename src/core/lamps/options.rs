@@ -5,16 +5,15 @@ use crate::error::{Result, within};
 use crate::settings::{Described, settings};
 
 settings! {
-    /// The drone's lamps, and how they follow commands.
+    /// The drone's lamps, and their response to commands.
     ///
-    /// The defaults are those of the reference flight, a Crazyflie 2.x with the LED-ring deck,
-    /// whose ring shows the firmware's initial effect because the team's script never turned it
-    /// off.
+    /// The defaults are those of the reference flight, a Crazyflie 2.x with the LED-ring deck. The
+    /// ring shows the firmware's initial effect, because the team's script never turned it off.
     pub struct LightOptions {
         /// Delay from sending a light command to its arrival in the firmware.
         ///
-        /// One parameter write takes about 20 ms one way (crazyswarm issue 245). With too short a
-        /// delay, streaks at the ends of strokes do not appear in the simulation.
+        /// One parameter write takes about 20 ms one way (crazyswarm issue 245). If the delay is
+        /// too short, the simulation lacks the streaks at the ends of strokes.
         radio_delay_s: f64 = 0.02, in 0.0..=10.0;
         /// Period of the firmware's lamp timer, 0 or at least 0.001. Changes of a lamp take effect
         /// at the timer's next tick. With a period of 0, the headlights follow immediately, and the
@@ -48,9 +47,9 @@ settings! {
         /// Effect of the LED ring (firmware parameter ring.effect).
         ring: RingEffect = RingEffect::default();
         fixed {
-            /// Maximum of the uniformly distributed jitter in s that is added to the radio delay.
+            /// Maximum in s of a uniformly distributed jitter that is added to the radio delay.
             ///
-            /// The jitter is an assumption, caused by repeated packets.
+            /// The value is an assumption. Jitter is caused by repeated packets.
             radio_jitter_s: f64 = 0.01;
         }
     }

@@ -153,9 +153,9 @@ fn lit_by(
 /// Seen from the side, the white packages of the ring's LEDs glow. In a public photograph of a
 /// flower (docs/photograph.md), strokes are ribbons with brighter edges, which are as wide as the
 /// ring when the drone climbs. As far as a JPEG of 510 px shows, these ribbons are 5 to 30 times as
-/// bright as a power LED of the board beside them. An isotropic fraction of 0.15 gives a ratio of
-/// 5. From above, the deck hides the ring's LEDs. The team's camera, 16° and more above the
-/// letters, only recorded the glow on the floor of a ring that swings by 4°.
+/// bright as a power LED of the board beside them. With an isotropic fraction of 0.15, they are 5
+/// times as bright. From above, the deck hides the ring's LEDs. The team's camera, 16° and more
+/// above the letters, only recorded the glow on the floor of a ring that swings by 4°.
 pub fn led_ring() -> Vec<Fixture> {
     // The rows are the two headlights, the LEDs of the ring, and the parts of the body that the
     // headlights illuminate.

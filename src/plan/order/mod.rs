@@ -226,7 +226,7 @@ impl Tour<'_> {
         axis(0).max(axis(1))
     }
 
-    /// Returns the time in the dark of a tour from the floor to the floor.
+    /// Returns a tour's total time in the dark, including take-off and landing.
     fn total_s(&self, visits: &[Visit]) -> f64 {
         let inner = visits.windows(2).map(|pair| self.between_s(Some(pair[0]), Some(pair[1])));
         inner.sum::<f64>()

@@ -75,7 +75,7 @@ fn grid([low, high]: [f64; 2]) -> impl Iterator<Item = f64> {
     (0..=n_steps).map(move |k| (low + f64::from(k) * STEP_S).min(high))
 }
 
-/// Returns the shift with the least cost. Among equally good shifts, it is the nearest to zero.
+/// Returns the shift with the least cost. Of equally good shifts, returns the one nearest to zero.
 fn best(costs: impl Iterator<Item = (f64, f64)>) -> f64 {
     let best = costs.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.abs().total_cmp(&b.1.abs())));
     best.expect("a grid has a point").1

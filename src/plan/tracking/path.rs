@@ -45,7 +45,8 @@ impl Segments {
         self.starts_m.len()
     }
 
-    /// Returns the squared distance of a point from the nearest of consecutive segments in m².
+    /// Returns the squared distance in m² from a point to the nearest of several consecutive
+    /// segments.
     ///
     /// The search goes from the middle to both ends, [`LANES`] segments at a time. Along the path,
     /// the distance from the point changes by at most the length of the path. Segments that cannot

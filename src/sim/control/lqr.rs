@@ -146,7 +146,7 @@ mod tests {
         assert!(other < 1e-10, "worst row {other:e} against SciPy");
     }
 
-    /// Returns the residual relative to the terms of its equation.
+    /// Returns the residual of the Riccati equation relative to its terms.
     fn residual(x: &DMatrix<f64>, [a, g, q]: [&DMatrix<f64>; 3]) -> f64 {
         let (linear, quadratic) = (a.transpose() * x, x * g * x);
         let left = &linear + linear.transpose() - &quadratic + q;

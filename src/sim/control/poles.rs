@@ -5,7 +5,7 @@ use nalgebra::{Complex, Schur};
 use super::Matrix;
 
 /// Maximum number of QR iterations. A closed loop of 20 states takes about 60 iterations. The
-/// iteration of `nalgebra` has no exceptional shifts and may not end on symmetric spectra (#611,
+/// iteration in `nalgebra` has no exceptional shifts and may not end on symmetric spectra (#611,
 /// #764).
 const MAX_ITERATIONS: usize = 10_000;
 /// Units in the last place up to which an entry below the diagonal counts as zero. A fourfold pole,

@@ -48,8 +48,8 @@ pub(super) trait Controller: std::fmt::Debug + Send {
         estimate.fixed_rows_mut::<3>(6).copy_from(&world_from_body.tr_mul(&rising_m_s));
     }
 
-    /// Returns the memory between two commands, as values that may be set. The regulators have no
-    /// such memory, because their gains are known.
+    /// Returns mutable references to the values that the controller stores between two commands.
+    /// The regulators have no such memory, because their gains are known.
     fn memory(&mut self) -> Vec<&mut f64> {
         Vec::new()
     }

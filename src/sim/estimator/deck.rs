@@ -82,8 +82,7 @@ impl Deck {
     }
 
     /// Returns both planes' angles at the second sweep of a rotation, or `None` at the first one or
-    /// if the first was missed. Of two first sweeps (a reflection), the one with the smaller angle
-    /// is used.
+    /// if the first was missed. If a reflection causes two first sweeps, the smaller angle is used.
     fn pair(&mut self, sweep: &Sweep, time_s: f64) -> Option<[[f64; 4]; 2]> {
         let first = &mut self.first[sweep.station];
         let recent = first.filter(|(then_s, _)| time_s - then_s < LONGEST_PAIR_S);

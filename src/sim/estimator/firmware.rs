@@ -41,7 +41,7 @@ const TIME_TOLERANCE_S: f64 = 1e-9;
 const FLYING_S: f64 = 2.0;
 /// Maximum variance of a state (`MAX_COVARIANCE`, `kalman_core.c`).
 const LARGEST_VARIANCE: f64 = 100.0;
-/// Attitude error in rad below which, on every axis, it is dropped at the end of a tick.
+/// Attitude error in rad below which, if it is so small on every axis, it is dropped after a tick.
 const LEAST_TURN_RAD: f64 = 0.1e-3;
 /// Standard deviation of a yaw error in rad (`lighthouse_position_est.c`).
 const YAW_SIGMA_RAD: f64 = 0.01;

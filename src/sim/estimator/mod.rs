@@ -36,11 +36,11 @@ use crate::vehicle::{RigidBody, State, state};
 use noctograph_core::error::Result;
 use noctograph_core::random::Noise;
 
-/// Function of an estimator outside the program, which returns the states in the order of
-/// [`STATES`](crate::gain_design::STATES) from the readings of a tick and its duration in s.
+/// Update function of an external estimator. From the readings of a tick and its duration in s, the
+/// function returns the states in the order of [`STATES`](crate::gain_design::STATES).
 pub type Update = Box<dyn FnMut(&Readings<'_>, f64) -> [f64; 12] + Send>;
 
-/// Estimator outside the program, and its last estimate.
+/// External estimator, and its last estimate.
 pub(super) struct Outside {
     pub(super) update: Update,
     pub(super) state: State,

@@ -202,7 +202,7 @@ fn a_drone_that_hovers_below_another_lifts_what_the_downwash_takes() {
             (sum + options.vehicle.k_f_n * s.motors.iter().sum::<f64>(), n + 1.0)
         });
         let mean_n: f64 = sum / n;
-        // The drones in the figure weigh 34 g, and compensate for the loss with more thrust.
+        // The loss is converted to that of a 34 g drone whose rotors' thrust equals its weight.
         let lost_g = 34.0 * (mean_n / weight_n - 1.0) * (weight_n / mean_n).sqrt();
         let error = lost_g / figure_g - 1.0;
         assert!(error.abs() < 0.2, "{lost_g} g of {figure_g} g at {below_m} m");

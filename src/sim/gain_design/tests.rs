@@ -127,8 +127,8 @@ fn the_model_slows_down_as_the_simulator_does() {
     options.air.gusts = crate::vehicle::Gusts::None;
     let plain = design(&SimOptions::default(), 0.072).unwrap();
     let dragged = design(&options, 0.072).unwrap();
-    // Hover in a wind is equivalent to motion through still air. The test compares the change of
-    // the state within 2 ms, divided by the wind speed.
+    // Hover in a wind is equivalent to motion through still air. The test compares the changes of
+    // the state within 2 ms per unit of wind speed.
     let (dt_s, wind_m_s) = (0.002, 0.1);
     let after = |wind: [f64; 3]| {
         let mut options = options.clone();

@@ -233,7 +233,7 @@ mod tests {
 
     #[test]
     fn blocks_are_propagated_as_the_whole_matrix_is() {
-        // The states are those of two drones and the floor.
+        // The states are the errors of two drones and the height of the floor.
         let mut normal = Normal::of_drones(2, [0.3, 0.2, 0.1], &[0.4]);
         let density = Density { acceleration: [0.3, 0.2, 0.1], rate: 0.04 };
         let mut p = normal.covariance.clone();

@@ -4,8 +4,8 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::settings::settings;
 
 settings! {
-    /// Controller of the drone. Weights of a controller that does not fly are kept, for the design
-    /// of gains and for another choice of the kind.
+    /// Controller of the drone. Weights of unused controllers are kept for the design of gains and
+    /// for later use.
     pub struct ControllerOptions {
         /// Kind of controller.
         kind: ControllerKind = ControllerKind::Lqr;
@@ -54,16 +54,16 @@ settings! {
     /// Linear-quadratic regulators that minimize `∫ sᵀQs + iᵀRi dt` around the setpoint (Q, R
     /// diagonal).
     ///
-    /// The defaults are the team's weights, from Bryson's rule and manual tuning, with integrals
+    /// The defaults are the team's weights, from Bryson's rule and manual tuning, and integrals
     /// that remove a constant error in about two seconds.
     pub struct LqrOptions {
         /// Gain K in `u = u_ref − K (x̂ − x_ref)`, for example from SciPy, in place of the one
         /// designed from the weights.
         ///
-        /// The rows of K are torque x y z (N m) and thrust (N). The columns of K are the twelve
-        /// states in the order of `q`, followed for lqr-integral by the integrals of the position
-        /// error x y z (m s). With lagging motors, four more columns may follow as `noctograph
-        /// gains` prints them, for the torques and the thrust of the modeled rotors.
+        /// The rows of K are torque x y z (N m) and thrust (N). The columns are the twelve states
+        /// in the order of `q` and, for lqr-integral, the integrals of the position error x y z (m
+        /// s). With lagging motors, four more columns may follow, for the torques and the thrust of
+        /// the modeled rotors as `noctograph gains` prints them.
         k: Option<Vec<Vec<f64>>> = None, in -1e6..=1e6;
         /// Weights of position x y z (1/m²), yaw pitch roll (1/rad²), body velocity x y z (s²/m²)
         /// and body rate x y z (s²/rad²). Larger weights hold the state more tightly and move the
@@ -77,7 +77,7 @@ settings! {
             unless "controller.lqr.k";
         /// Weights of the integral of the position error x y z (1/(m s)²), for lqr-integral.
         ///
-        /// Larger weights remove a constant error sooner, but overshoot more at a corner.
+        /// Larger weights remove a constant error sooner, but cause more overshoot at corners.
         q_integral: [f64; 3] = [20.0; 3], in 0.0..=1e12, for "controller.kind" = "lqr-integral",
             unless "controller.lqr.k";
         /// Model of the motors in the design of the gain.
@@ -86,24 +86,25 @@ settings! {
 
     /// Model of the motors in the design of a regulator's gain.
     pub enum MotorLag {
-        /// The vehicle's lag, for which the gain is designed and feeds back the modeled rotors.
+        /// The vehicle's lag. The gain is designed for this lag, and includes feedback of the
+        /// modeled rotors.
         ///
         /// If the vehicle has no lag, this model equals [`Self::Ignored`].
         "modeled" => Modeled,
-        /// Immediate motors, as in the reference team's design.
+        /// Instantaneous motors, as in the reference team's design.
         "ignored" => Ignored,
     }
 
-    /// Altitude hold, which is the regulator of a double integrator, with weights by Bryson's rule.
+    /// Altitude hold by a regulator of a double integrator, with weights from Bryson's rule.
     pub struct AltitudeHoldOptions {
-        /// Error of the altitude with the same weight as `acceleration_m_s2`.
+        /// Altitude error that costs as much as a vertical acceleration of `acceleration_m_s2`.
         error_m: f64 = 0.2, in 0.001..=100.0;
-        /// Vertical acceleration with the same weight as `error_m`.
+        /// Vertical acceleration that costs as much as an altitude error of `error_m`.
         acceleration_m_s2: f64 = 1.6, in 0.001..=100.0;
     }
 
-    /// The firmware's cascade of PID loops, in which each gain is P, I, D in the firmware's units,
-    /// named after its constants (`PID_POS_X_KP` …).
+    /// The firmware's cascade of PID loops. Gains are P, I, D in the firmware's units, named after
+    /// its constants (`PID_POS_X_KP` …).
     ///
     /// The defaults are those of crazyflie-firmware `platform_defaults_cf2.h`, commit 0555cb1.
     pub struct PidOptions {
@@ -133,8 +134,7 @@ settings! {
         yaw_rate: [f64; 3] = [120.0, 16.7, 0.0], in 0.0..=1e5;
         /// Assumed hover command of 65535 (`PID_VEL_THRUST_BASE`).
         ///
-        /// The loops' integrals compensate the difference, so that heavy drones leave the floor
-        /// late.
+        /// The loops' integrals compensate the difference, so heavy drones take off late.
         thrust_base: f64 = 36_000.0, in 0.0..=65_535.0;
     }
 

@@ -1,5 +1,5 @@
 //! Settings of a simulated flight. The default is the preset `ae483-2022`, with the values of the
-//! student team whose flight is the reference.
+//! student team that flew the reference flight.
 
 mod controller;
 #[cfg(test)]
@@ -54,20 +54,20 @@ settings! {
         ///
         /// The firmware's main loop runs at 1000 Hz.
         control_hz: u32 = 500, in 50.0..=2000.0;
-        /// Number of motor commands per second. This rate divides `control_hz` and is limited by
-        /// it. Motors hold their command between two updates.
+        /// Number of motor commands per second. This rate must divide `control_hz`, and is limited
+        /// to it. Motors hold their command between two updates.
         ///
         /// Regulators and the cascade's attitude and rate loops run at this rate.
         attitude_hz: u32 = 500, in 50.0..=2000.0;
-        /// Number of samples per second in the flight's log. This rate divides `control_hz`.
+        /// Number of samples per second in the flight's log. This rate must divide `control_hz`.
         log_hz: u32 = 250, in 1.0..=2000.0;
         fixed {
-            /// Number of runs per second of the cascade's position and velocity loops. The rate
-            /// divides `attitude_hz` and is limited by it.
+            /// Number of runs per second of the cascade's position and velocity loops. This rate
+            /// must divide `attitude_hz`, and is limited to it.
             position_hz: u32 = 100;
             /// Number of Runge-Kutta steps per control tick.
             ///
-            /// The error of a single step (2 ms) is less than a micrometer.
+            /// A single step (2 ms) causes an error of less than a micrometer.
             steps_per_tick: u32 = 1;
         }
     }
@@ -75,13 +75,12 @@ settings! {
     /// The radio that transmits setpoints and light commands. By default, packets arrive
     /// immediately.
     ///
-    /// A Crazyradio serves its drones in turn, each with its newest setpoint. A packet and its
-    /// answer take 0.7 ms, and a switch to another drone's address takes 2.5 ms
-    /// (`crazyradio2-firmware` issue 9). A packet without an answer is sent again in the next turn.
+    /// A Crazyradio sends each drone its newest setpoint in turn. A packet and its acknowledgment
+    /// take 0.7 ms, and switching to another drone's address takes 2.5 ms (`crazyradio2-firmware`
+    /// issue 9). A packet without an acknowledgment is sent again in the next turn.
     ///
     /// The loss is 1 to 4 % with cflib (`crazyflie_ros` issue 73). Outages occur when other
-    /// transmitters fill the band. The log of the reference flight has gaps of up to 0.73 s in 59
-    /// s.
+    /// transmitters occupy the band. The 59 s log of the reference flight has gaps of up to 0.73 s.
     pub struct RadioOptions {
         /// Number of drones that one radio serves. With 0, every command arrives immediately.
         drones: u32 = 0, in 0.0..=64.0;

@@ -1,12 +1,12 @@
-//! Settings of the estimator, which are the section `observer` of a scene.
+//! Settings of the estimator, in the section `observer` of a scene.
 
 use crate::sensors::{Positioning, SensorOptions};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::settings::settings;
 
 settings! {
-    /// Estimator of the drone's motion. Weights of an estimator that does not fly are kept, for the
-    /// design of gains.
+    /// Estimator of the drone's motion. Weights of unused estimators are kept for the design of
+    /// gains.
     pub struct ObserverOptions {
         /// Kind of estimator.
         kind: EstimatorKind = EstimatorKind::Luenberger;
@@ -58,8 +58,8 @@ settings! {
     pub enum Share {
         /// Motion, ranges and heights, from which every drone estimates all drones.
         "measurements" => Measurements,
-        /// Estimates of the drones. Estimates count common information of two drones twice and are
-        /// less accurate, so that they serve for comparison.
+        /// Estimates of the drones. These count information common to two drones twice, are less
+        /// accurate, and serve only for comparison.
         "estimates" => Estimates,
         /// Nothing, so that every drone uses only its anchors.
         "nothing" => Nothing,
@@ -67,11 +67,11 @@ settings! {
 
     /// Luenberger observer, whose gain is that of the dual regulator.
     ///
-    /// The defaults are 1/σ² of the spread in the team's flight logs.
+    /// The defaults are 1/σ², in which σ is the spread in the team's flight logs.
     pub struct LuenbergerOptions {
         /// Confidence in the measured position x y z, as 1/σ² (1/m²).
         ///
-        /// Larger values follow the measurement faster and pass more of its noise.
+        /// With larger values, the estimate follows the measurement faster, but is noisier.
         q: [f64; 3] = [111_111.0, 62_500.0, 250_000.0], in 1e-6..=1e12;
         /// Confidence in the model of position x y z, pitch, roll and body velocity x y z, as 1/σ²
         /// of each derivative. Larger values follow the gyroscope and the accelerometer more
@@ -86,11 +86,11 @@ settings! {
     /// along z) and 0.1 rad/s per tick of 1 ms correspond to densities of 0.02236 (0.04472) and
     /// 0.004472. The firmware assumes 1 mrad for sweeps (0.4 mrad in the first generation), 1 cm
     /// for positions, 15 cm for differences of ranges, 25 cm for ranges, and 2 m for air pressure.
-    /// Sweeps pass the firmware's outlier filter (`outlierFilterLighthouse.c`).
+    /// Sweeps pass through the firmware's outlier filter (`outlierFilterLighthouse.c`).
     pub struct EkfOptions {
         /// Noise density of the measured acceleration in (m/s²)/√Hz.
         ///
-        /// A larger value follows the positioning faster.
+        /// With a larger value, the estimate follows the positioning system faster.
         acceleration_noise_m_s2_sqrt_hz: f64 = 0.02236, in 1e-6..=100.0;
         /// Noise density along world z, along which the propellers cause vibration.
         acceleration_noise_z_m_s2_sqrt_hz: f64 = 0.04472, in 1e-6..=100.0;
@@ -109,15 +109,14 @@ settings! {
         /// Outlier gate, which rejects a position, range or height if its innovation exceeds this
         /// number of standard deviations. The firmware has no such gate.
         ///
-        /// The square of the gate is a χ² threshold with one degree of freedom. If the gate is too
-        /// low, it rejects measurements that disagree by several times the σ above, as they do in
-        /// real rooms.
+        /// The square of the gate is a χ² threshold with one degree of freedom. Too low a gate
+        /// rejects measurements that differ by several times the σ above, as in real rooms.
         gate_sigmas: f64 = 10.0, in 1.0..=1e6,
             for "observer.kind" = "ekf-improved" | "altitude" | "cooperative";
         /// True to allow steps of the floor below the ranger, such as the edge of a table.
         ///
-        /// Two consecutive ranges beyond 4 standard deviations and 5 cm then count as a step of the
-        /// floor instead of a motion of the drone.
+        /// Two consecutive range errors above 4 standard deviations and 5 cm then count as a step
+        /// of the floor instead of a motion of the drone.
         floor_steps: bool = false,
             for "sensors.heights" = "time-of-flight", for "observer.kind" = "ekf-improved";
         fixed {
@@ -130,7 +129,7 @@ settings! {
         }
     }
 
-    /// Covariances of the altitude filter. Random walks are per square root of a second.
+    /// Assumed noise of the altitude filter. Random walks are per square root of a second.
     pub struct AltitudeOptions {
         /// Standard deviation of a barometric altitude.
         barometer_sigma_m: f64 = 0.25, in 0.001..=10.0;
@@ -143,9 +142,9 @@ settings! {
             /// Random walk of α¹ in (m/s²)/√s.
             ///
             /// A battery that loses 25 % of its lift in a minute decreases α¹ by 0.16 m/s² per
-            /// second, and with a walk of 0.1 the drone meanwhile sinks by 6 cm. Too large a walk
-            /// (0.8) follows the noise of the sensors, and with a free α⁰ (1.4 m/s²) both drift
-            /// apart by more than their σ.
+            /// second. With a walk of 0.1, the drone then sinks by 6 cm. With too large a walk
+            /// (0.8), α¹ follows sensor noise, and if α⁰ is also free (1.4 m/s²), both drift apart
+            /// by more than their σ.
             gain_walk_m_s2_sqrt_s: f64 = 0.3;
             /// Innovation of the ranger, in standard deviations, beyond which a range is rejected.
             /// Two consecutive rejected ranges count as a step of the floor.
@@ -159,7 +158,7 @@ settings! {
     }
 
     /// Differences between the firmware's Kalman filter and a textbook filter, each of which can be
-    /// changed to see its effect.
+    /// disabled to see its effect.
     ///
     /// The defaults are those of release 2026.08 (`kalman_core.c`, `estimator_kalman.c`,
     /// `mm_sweep_angles.c`, `mm_tof.c`, `lighthouse_core.c`, `lighthouse_throttle.c`,

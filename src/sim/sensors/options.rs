@@ -16,7 +16,7 @@ const MAX_STATIONS: usize = 16;
 const MAX_ANCHORS: usize = 64;
 
 settings! {
-    /// Sensors and their noise. Settings of sensors that the positioning does not use are kept.
+    /// Sensors and their noise. Settings of unused sensors are kept.
     pub struct SensorOptions {
         /// Sensor that measures the position.
         positioning: Positioning = Positioning::Position;
@@ -72,15 +72,15 @@ settings! {
 
     /// Gyroscope and accelerometer. A noise density of 0 switches that noise off.
     ///
-    /// The defaults are those of the BMI088's data sheet, 0.014 °/s/√Hz and 190 µg/√Hz along z.
+    /// The defaults are from the BMI088's data sheet, 0.014 °/s/√Hz and 190 µg/√Hz along z.
     pub struct ImuOptions {
         /// Noise density of the gyroscope for each axis in (rad/s)/√Hz.
         gyro_noise_rad_s_sqrt_hz: f64 = 2.44e-4, in 0.0..=1.0;
         /// Noise density of the accelerometer for each axis in (m/s²)/√Hz.
         accelerometer_noise_m_s2_sqrt_hz: f64 = 1.86e-3, in 0.0..=10.0;
         fixed {
-            /// Constant bias of the gyroscope about body x, y, z in rad/s, which the firmware's
-            /// calibration leaves, or which arises as the sensor warms up.
+            /// Constant bias of the gyroscope about body x, y, z in rad/s, which remains after the
+            /// firmware's calibration or arises as the sensor warms up.
             gyro_bias_rad_s: [f64; 3] = [0.0; 3];
         }
     }
@@ -88,17 +88,17 @@ settings! {
     /// Lighthouse positioning. A value of 0 switches an error off.
     ///
     /// The defaults are from Bitcraze's `positioning_dataset` (Taffanel et al., arXiv 2104.11523).
-    /// In that data set, crossing beams at rest jitter by 0.3 mm at 50 fixes per second, which
-    /// corresponds to 1 mm at 500. The slow error in flight is 13 mm rms over three axes, with a
-    /// correlation time of 0.6 to 3.4 s at 0.5 m/s. Sweeps spread by 60 µrad (first generation) and
-    /// 28 µrad (second), and 45 of 52 per second arrive. The rotor causes most of the sweeps'
-    /// noise, which is common to all sensors. Independent noise would average out to a third of the
-    /// crossing beams' jitter.
+    /// In that data set, positions from crossing beams at rest jitter by 0.3 mm at 50 fixes per
+    /// second, which corresponds to 1 mm at 500. The slow error in flight is 13 mm RMS over three
+    /// axes, with a correlation time of 0.6 to 3.4 s at 0.5 m/s. Sweep angles spread by 60 µrad
+    /// (first generation) and 28 µrad (second), and 45 of 52 sweeps per second arrive. The rotor
+    /// causes most of the sweeps' noise, which is common to all sensors. Independent noise would
+    /// average out to a third of the crossing beams' jitter.
     ///
     /// Most of the error in flight, 13.5 mm on average, is distortion common to the stations. If
-    /// each station had only separate errors, the filter would jitter at rest by more than the
-    /// measured 0.59 mm. The separate part is chosen so that both values are as measured. By
-    /// default, two stations are in opposite corners, about 4 m from the word.
+    /// the stations had only separate errors, the filter's estimate at rest would jitter by more
+    /// than the measured 0.59 mm. The separate part is chosen so that both values match the
+    /// measurements. By default, two stations are in opposite corners, about 4 m from the word.
     pub struct LighthouseOptions {
         /// Standard deviation for each axis of a smooth error that depends on the drone's position.
         ///
@@ -135,12 +135,12 @@ settings! {
             jitter_m: f64 = 0.001;
             /// Rotation of the Lighthouse's frame relative to the room about x, y and z in rad.
             ///
-            /// The frame is defined by positions at which the drone was placed by hand when the
-            /// stations' geometry was estimated, which are the origin, a point on the x-axis at one
-            /// meter, and one on the floor (cflib,
+            /// The frame is defined by positions at which the drone was placed by hand for the
+            /// estimation of the stations' geometry. These are the origin, a point at 1 m on the
+            /// x-axis, and a point on the floor (cflib,
             /// `examples/lighthouse/multi_bs_geometry_estimation.py`).
             frame_turn_rad: [f64; 3] = [0.0; 3];
-            /// Relative scale error of the Lighthouse, from the point at one meter on the x-axis.
+            /// Relative scale error of the Lighthouse, due to the point at 1 m on the x-axis.
             frame_scale_error: f64 = 0.0;
             /// Standard deviation in rad of the white noise of a sweep angle for each deck sensor,
             /// for a first- and a second-generation station.
@@ -154,8 +154,8 @@ settings! {
             station_position_error_m: f64 = 0.0015;
             /// Standard deviation in rad, per axis, of the error of a station's believed attitude.
             station_rotation_error_rad: f64 = 0.0007;
-            /// Standard deviation in rad of the smooth error of a sweep angle that the station's
-            /// calibration leaves.
+            /// Standard deviation in rad of the smooth error in a sweep angle that remains after
+            /// calibration.
             sweep_distortion_rad: f64 = 0.001;
         }
     }
@@ -172,8 +172,8 @@ settings! {
     /// Ultra-wideband ranging.
     ///
     /// The defaults are those of the firmware's fixture `log05` at rest (180 differences per
-    /// second, 6 cm white noise, a bias of 20 cm per pair, 14 % beyond 0.45 m), with anchors in the
-    /// corners of a room.
+    /// second, white noise of 6 cm, a bias of 20 cm per pair, and 14 % of errors above 0.45 m),
+    /// with anchors in the corners of a room.
     pub struct UwbOptions {
         /// Positions of the anchors.
         anchors_m: Vec<[f64; 3]> = [[-2.5, -2.5], [-2.5, 2.5], [2.5, -2.5], [2.5, 2.5]]
@@ -201,10 +201,11 @@ settings! {
     /// Ranges and messages between the drones of a fleet, for the estimator `cooperative`.
     ///
     /// A message contains the motion since the start according to the inertial sensors, and the
-    /// ranges and heights measured since the last message. A message takes 24 bytes, plus 3 for
-    /// each range or height.
+    /// ranges and heights measured since the last message. It takes 24 bytes, plus 3 bytes per
+    /// range or height.
     pub struct PeerOptions {
-        /// True if the drones measure the distances between them, like those to anchors.
+        /// True if the drones measure the distances between them in the same way as those to
+        /// anchors.
         ranging: bool = false;
         /// Number of messages that each drone sends per second.
         rate_hz: f64 = 20.0, in 0.1..=500.0;
@@ -218,8 +219,8 @@ settings! {
     ///
     /// The defaults are those of the firmware (`zranger2.c`).
     pub struct TimeOfFlightOptions {
-        /// Standard deviation of the white noise of a distance near the floor. The sensor adds 2.5
-        /// mm at 2.5 m and 0.2 m at 4 m.
+        /// Standard deviation of the white noise of a distance near the floor. The sensor adds
+        /// noise of 2.5 mm at 2.5 m and of 0.2 m at 4 m.
         noise_m: f64 = 0.0025, in 0.0..=10.0;
         /// Number of measurements per second.
         rate_hz: f64 = 40.0, in 0.1..=2000.0;
@@ -249,8 +250,8 @@ settings! {
         /// Number of fixes per second.
         rate_hz: f64 = 10.0, in 0.1..=2000.0;
         fixed {
-            /// Periods without a fix, in chronological order, so that `[[20, 30]]` means no fix
-            /// from 20 s to 30 s.
+            /// Periods without a fix, in chronological order. `[[20, 30]]` means no fix from 20 s
+            /// to 30 s.
             silent_s: Vec<[f64; 2]> = Vec::new();
         }
     }

@@ -107,7 +107,7 @@ impl Mirror {
         !self.is_glass || path_m.norm() <= RANGE_M * reflected_frac(cosine).sqrt()
     }
 
-    /// True if a deck that faces `up` sees the image of a station in the mirror.
+    /// True if a deck that faces `up` receives the image of a station in the mirror.
     pub(super) fn shows_to(
         &self,
         station: &StationPose,

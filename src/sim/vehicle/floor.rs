@@ -7,8 +7,8 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::settings::{Described, Shape, joined, settings};
 
 settings! {
-    /// The floor, which is level at z = 0 except for steps. The ranger measures the steps, and the
-    /// drone can rest on them. The sides of the steps stop nothing, and no light falls on them.
+    /// The floor, which is level at z = 0 except for steps. The ranger detects the steps, and the
+    /// drone can rest on them. Their sides do not stop the drone, and no light falls on them.
     pub struct FloorOptions {
         /// Steps, such as tables: `[{ x_m = [1, 2], y_m = [-1, 1], height_m = 0.5 }]`.
         steps: Vec<FloorStep> = Vec::new();

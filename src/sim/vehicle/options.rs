@@ -7,20 +7,21 @@ use noctograph_core::settings::settings;
 
 pub(super) use noctograph_core::crazyflie::GRAVITY_M_S2;
 
-/// Number of charge steps over which a battery's duration is summed.
+/// Number of steps in the search for the charge at which a battery is empty.
 const EMPTY_STEPS: u16 = 1000;
 
 settings! {
     /// A quadrotor with its four motors at the corners of a square.
     ///
-    /// The rigid body and the linear motors are the reference team's model. By default, every
-    /// effect from [`Self::rotor_thrust_n_s2`] on is switched off by a value of 0 or "none".
+    /// The rigid body and the linear motors follow the reference team's model. By default, every
+    /// effect from [`Self::rotor_thrust_n_s2`] on is disabled by a value of 0 or "none".
     ///
     /// The defaults are from the team's pendulum tests and fits. The center of mass explains the
-    /// mean motor commands and the constant position error of their flight, (−1.3e-4, −3.3e-4, 0) N
-    /// m at hover. The rotors are those of Bitcraze's 2015 fit to a Crazyflie 2.0, 2.68e-10 N/rpm²
-    /// per motor (firmware `docs/functional-areas/pwm-to-thrust.md`). The propellers have a radius
-    /// of 23 mm and are 30 mm above the floor (constants of the ground-effect module in
+    /// mean motor commands and the constant position error in their flight, with a torque of
+    /// (−1.3e-4, −3.3e-4, 0) N m at hover. The rotor thrust is from Bitcraze's 2015 fit to a
+    /// Crazyflie 2.0, 2.68e-10 N/rpm² per motor (firmware
+    /// `docs/functional-areas/pwm-to-thrust.md`). The propellers have a radius of 23 mm and are 30
+    /// mm above the floor (constants of the ground-effect module in
     /// `XinLong-Li/cf-frimware-2022-12`).
     pub struct VehicleOptions {
         /// Release of the Crazyflie's firmware, with or without the patch number.
@@ -38,15 +39,15 @@ settings! {
         arm_m: f64 = 0.035, in 1e-3..=2.0;
         /// Position of the center of mass in body x and y, relative to the middle of the motors.
         ///
-        /// The thrust turns the drone about the center of mass, which causes a constant position
-        /// error without integral action in the controller.
+        /// The thrust exerts a torque about the center of mass. Without integral action in the
+        /// controller, this causes a constant position error.
         center_of_mass_m: [f64; 2] = [-0.958e-3, 0.378e-3], in -1.0..=1.0;
         /// Thrust of one rotor per squared speed in N/(rad/s)², for lag, rotor drag and gyroscopic
         /// torque.
         rotor_thrust_n_s2: f64 = 2.444e-8, in 1e-12..=1.0;
         /// Time constant of an increasing rotor speed. A value of 0 means no lag.
         ///
-        /// Too large a value makes a stiff attitude controller oscillate.
+        /// If the value is too large, a stiff attitude controller oscillates.
         motor_rise_s: f64 = 0.0, in 0.0..=10.0;
         /// Time constant of a decreasing rotor speed. A value of 0 means no lag.
         motor_fall_s: f64 = 0.0, in 0.0..=10.0;
@@ -54,22 +55,20 @@ settings! {
         body_drag_n_s_m: [f64; 3] = [0.0; 3], in 0.0..=10.0;
         /// Drag of one rotor across its axis per airspeed and rotor speed in N/((m/s)(rad/s)).
         ///
-        /// This drag is the H-force of blade element theory, linear as in `RotorS` (Furrer et al.
-        /// 2016).
+        /// This is the H-force of blade element theory, linear as in `RotorS` (Furrer et al. 2016).
         rotor_drag_n_s2_m: f64 = 0.0, in 0.0..=1e-2;
         /// Moment of the air about body x and y per airspeed across the rotors' axes in N m/(m/s).
         ///
-        /// The side of a rotor that moves into the air lifts more than the other, and its drag acts
-        /// above the center of mass, so that the drone pitches up against its motion (speed
-        /// stability: Pounds, Mahony, Corke, "Modelling and control of a large quadrotor robot",
-        /// 2010). This moment increases the lag of a regulator without integral action. In the log
-        /// of the reference flight, the slow part of the pitch torque and the speed in x give
-        /// 4.7e-4 (of σ 0.8e-4 N m, 0.6e-4 remains).
+        /// The side of a rotor that moves into the air provides more lift than the other, and the
+        /// rotor's drag acts above the center of mass. The drone therefore pitches up against its
+        /// motion (speed stability: Pounds, Mahony, Corke, "Modelling and control of a large
+        /// quadrotor robot", 2010). This moment increases the lag of a regulator without integral
+        /// action. In the reference flight's log, a fit of the slow pitch torque to the speed in x
+        /// gives 4.7e-4, and reduces the torque's σ from 0.8e-4 to 0.6e-4 N m.
         airspeed_moment_n_s: f64 = 0.0, in 0.0..=10.0;
         /// Moment of inertia of one rotor with the rotating part of its motor, about its axis.
         ///
-        /// The moment of inertia causes the gyroscopic torque, and the yaw torque of a rotor that
-        /// speeds up.
+        /// It determines the gyroscopic torque, and the yaw torque of a rotor that speeds up.
         rotor_inertia_kg_m2: f64 = 0.0, in 0.0..=1e-2;
         /// Fraction of the thrust that each motor m1…m4 lacks at every command, because of a
         /// damaged propeller or a worn motor.
@@ -102,22 +101,21 @@ settings! {
         /// The denominator is that of `cheeseman-bennett` minus `R² z / (d² + 4z²)^1.5 + R² z /
         /// 2(2d² + 4z²)^1.5`, where d is the distance between neighbors. Sanchez-Cuevas, Heredia,
         /// Ollero: Characterization of the aerodynamic ground effect and its influence in
-        /// multirotor control, Int. J. Aerospace Eng. 2017, 1823056, without the body's fountain,
-        /// whose coefficient they fitted to a far larger drone.
+        /// multirotor control, Int. J. Aerospace Eng. 2017, 1823056, without the fountain effect on
+        /// the body, whose coefficient they fitted to a far larger drone.
         "sanchez-cuevas" => SanchezCuevas,
     }
 
-    /// A lithium-polymer battery. The default has no capacity, which means a voltage that never
-    /// sags.
+    /// A lithium-polymer battery. By default, it has no capacity, and the voltage never sags.
     ///
-    /// The other defaults are those of the Crazyflie 2.1's 250 mAh battery, so that setting a
-    /// capacity is enough to switch it on. The curve is that of the firmware's `pm_stm32f4.c` (0 to
-    /// 90 %), with 4.20 V at full charge. The currents are from Bitcraze's 2015 table (firmware
+    /// The other defaults are those of the Crazyflie 2.1's 250 mAh battery, which is enabled by
+    /// setting a capacity. The voltage curve is from the firmware's `pm_stm32f4.c` (0 to 90 %),
+    /// with 4.20 V at full charge. The currents are from Bitcraze's 2015 table (firmware
     /// `docs/functional-areas/pwm-to-thrust.md`), 0.24 A at rest and 2.39 A at 32.8 g. The
-    /// resistance follows from the median voltage drop of 0.57 V at take-off in 98 flights of
-    /// `NanoBench` (arXiv 2603.09908) and the change of current. The thrust is that of legacy
-    /// propellers in the firmware's `platform_defaults_cf2.h`. The cut-off is the firmware's
-    /// critical voltage for five seconds (`pm.h`).
+    /// resistance is the ratio of the median voltage drop at take-off, 0.57 V in 98 flights of
+    /// `NanoBench` (arXiv 2603.09908), to the change in current. The thrust is that of legacy
+    /// propellers in the firmware's `platform_defaults_cf2.h`. The cut-off occurs after five
+    /// seconds below the firmware's critical voltage (`pm.h`).
     pub struct BatteryOptions {
         /// Charge of a full battery in A h. A value of 0 means no battery and full thrust at all
         /// times.
@@ -193,7 +191,7 @@ settings! {
         /// Outdoor gusts with Dryden's spectra at low altitude. Without wind, there are no gusts.
         ///
         /// The spectra are those of MIL-F-8785C (1980) at 10 ft and below, for the horizontal part
-        /// of the steady wind, which counts as the wind at 20 ft and carries the gusts past the
+        /// of the steady wind, which is taken as the wind at 20 ft and carries the gusts past the
         /// drone.
         "dryden" => Dryden,
     }
@@ -201,14 +199,15 @@ settings! {
     /// Gusts in a room.
     ///
     /// The default wind follows Zhang et al., "Field measurements of boundary-layer flows in
-    /// ventilated rooms" (ASHRAE Transactions), who found a turbulent energy of up to 0.01 m²/s² in
-    /// weakly turbulent flow, σ = √(2k/3) = 0.08 m/s, at mean speeds of 0.05 to 0.25 m/s. Eddies of
-    /// 0.2 m that drift at 0.2 m/s pass in 1 s.
+    /// ventilated rooms" (ASHRAE Transactions). In weakly turbulent flow at mean speeds of 0.05 to
+    /// 0.25 m/s, they found a turbulent energy k of up to 0.01 m²/s², that is, σ = √(2k/3) = 0.08
+    /// m/s. Eddies of 0.2 m that drift at 0.2 m/s pass in 1 s.
     ///
-    /// The default torque is that of the reference flight's motors below 1 Hz in the air, according
-    /// to the team's `k_F`, `k_M` and 35 mm. Its σ is 1.12, 1.01 (without the part due to the speed
-    /// in x) and 0.54e-4 N m around a mean of 1.35, 3.4 and −0.49e-4. Its autocorrelation decreases
-    /// to 0.5, 0 and 0.5 after a second. A tenth is added for the part above 1 Hz.
+    /// The default torque is the airborne motor torque in the reference flight below 1 Hz, computed
+    /// with the team's `k_F`, `k_M` and arm of 35 mm. About x, y and z, its σ is 1.12, 1.01
+    /// (without the part due to the speed in x) and 0.54e-4 N m, its mean 1.35, 3.4 and −0.49e-4 N
+    /// m, and its autocorrelation after a second 0.5, 0 and 0.5. A tenth is added for the part
+    /// above 1 Hz.
     pub struct GustOptions {
         /// Standard deviation of the wind speed along world x, y, z. The torque increases in
         /// proportion.
@@ -220,7 +219,7 @@ settings! {
             /// Standard deviation of the torque in N m about body x, y, z from uneven air and
             /// rotors, for a sigma_m_s of 0.08 along each axis.
             ///
-            /// In a room, the torque moves a drone with a regulator without integral action more
+            /// In a room, this torque moves a drone whose regulator has no integral action more
             /// than the wind does.
             torque_sigma_n_m: [f64; 3] = [1.2e-4, 1.1e-4, 5.5e-5];
         }
