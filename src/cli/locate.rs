@@ -53,7 +53,8 @@ enum Observer {
     /// Augmented linear filter from any start, followed by an extended Kalman filter (the logs must
     /// contain velocities)
     Enlarged,
-    /// Observer of two drones with a common anchor (the logs must contain positions and velocities)
+    /// Observer for two drones with a common anchor (the logs must contain positions and
+    /// velocities)
     Shared,
 }
 
@@ -186,7 +187,7 @@ drone {drone.#}|{rmse_m.0*100:.1}|{rmse_m.1*100:.1}|{rmse_m.2*100:.1}|{rmse_3d_m
 
 ";
 
-/// A log or a reference, with the relation of its clock to the common time.
+/// A log or a reference, with the offset of its clock from the common time.
 struct Dated<'a> {
     path: &'a PathBuf,
     flight: Flight,
