@@ -29,7 +29,7 @@ use noctograph_core::input_error;
 use noctograph_core::statistics::median;
 use serde_json::json;
 
-/// Limit on the total size of logs, or of references, that are read together.
+/// Size limit for all logs, and separately for all references, together.
 const LOGS: Limit = Limit {
     bytes: 128 << 20,
     what: "logs",
@@ -193,7 +193,7 @@ struct Dated<'a> {
     flight: Flight,
     /// Timestamp of the file's time zero, in s, on a clock that other files may also use.
     zero_stamp_s: Option<f64>,
-    /// Seconds to add to the file's times.
+    /// Offset to add to the file's times, in s.
     offset_s: f64,
 }
 

@@ -69,7 +69,7 @@ pub(crate) struct ForVisitor {
     readability: Option<f64>,
     /// Photo of the entry's flight, if its log was followed.
     flown: Option<FlownPhoto>,
-    /// Number of entries that fly before this one, and the time that they take.
+    /// Number of entries that fly before this one, and the time that they take in s.
     ahead: usize,
     ahead_s: f64,
     /// Time since take-off in s, or `None` if it is unknown or the entry is not in the air.
