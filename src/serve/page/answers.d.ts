@@ -181,7 +181,7 @@ interface ForVisitor {
   readability: number | null;
   /** Photo of the entry's flight, if its log was followed. */
   flown: FlownPhoto | null;
-  /** Number of entries that fly before this one, and the time that they take. */
+  /** Number of entries that fly before this one, and the time that they take in s. */
   ahead: number;
   ahead_s: number;
   /** Time since take-off in s, or null if it is unknown or the entry is not in the air. */
