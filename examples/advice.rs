@@ -13,7 +13,7 @@ use noctograph::studies::remedies;
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
-/// Name of a fault, and the settings that cause it.
+/// Name of a fault, and the scene settings that cause it.
 type Fault = (&'static str, &'static [(&'static str, &'static str)]);
 
 const FAULTS: [Fault; 15] = [

@@ -109,7 +109,7 @@ pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
     {
         advice.push(format!("`--fallback {}` has {letter}", file.display()));
     }
-    // --set sets any scene key, whereas an option of the verb has a flag of the same name.
+    // --set sets any scene key. An option of the verb has a flag with the option's name.
     if paths(Scene::SHAPE.settings()).contains(path) && has("set") {
         advice.push(format!(
             "`--set {path}=VALUE` sets the key for one run; `noctograph scene` prints all keys"

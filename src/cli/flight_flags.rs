@@ -138,7 +138,7 @@ pub(super) fn note(text: String) {
 }
 
 /// Sets the lights of a log without lights to those of the scene's word, or to always on if `lit`
-/// is true. May return the note of [`infer_lights_if_dark`].
+/// is true. Returns the note of [`infer_lights_if_dark`], if any.
 pub(super) fn light_if_dark(
     flight: &mut Flight,
     scene: &mut Scene,

@@ -68,7 +68,7 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
         "left_out": identified.map(|it| it.left_out.iter().map(ToString::to_string).collect::<Vec<_>>()),
         "inertia_kg_m2": inertia_kg_m2,
     });
-    // The fourth state, yaw, has no weight.
+    // There is no weight for the fourth state, yaw.
     let weights = r.map(|[x, y, z, rest @ ..]| {
         [x, y, z].map(Some).into_iter().chain([None]).chain(rest.map(Some)).collect::<Vec<_>>()
     });

@@ -70,7 +70,8 @@ impl LetterFlags {
     /// Returns the scene settings that were typed. The letters of finished plans keep their size.
     #[expect(clippy::fn_params_excessive_bools, reason = "independent of each other")]
     pub(super) fn settings(&self, is_planned: bool, is_height_typed: bool) -> Vec<Setting> {
-        // A drawing replaces the word, and clears the digest of an earlier drawing.
+        // If a drawing is set, it replaces the word, and the digest of an earlier drawing is
+        // cleared.
         let mut settings = Vec::new();
         let mut set = |key: &str, value: &dyn Display| {
             settings.push((key.to_owned(), value.to_string()));

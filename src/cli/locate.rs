@@ -29,7 +29,7 @@ use noctograph_core::input_error;
 use noctograph_core::statistics::median;
 use serde_json::json;
 
-/// Limit on the total size of logs, or of references, that are read together.
+/// Size limit for all logs, and separately for all references, together.
 const LOGS: Limit = Limit {
     bytes: 128 << 20,
     what: "logs",
@@ -53,7 +53,8 @@ enum Observer {
     /// Augmented linear filter from any start, followed by an extended Kalman filter (the logs must
     /// contain velocities)
     Enlarged,
-    /// Observer of two drones with a common anchor (the logs must contain positions and velocities)
+    /// Observer for two drones with a common anchor (the logs must contain positions and
+    /// velocities)
     Shared,
 }
 
@@ -186,13 +187,13 @@ drone {drone.#}|{rmse_m.0*100:.1}|{rmse_m.1*100:.1}|{rmse_m.2*100:.1}|{rmse_3d_m
 
 ";
 
-/// A log or a reference, with the relation of its clock to the common time.
+/// A log or a reference, with the offset of its clock from the common time.
 struct Dated<'a> {
     path: &'a PathBuf,
     flight: Flight,
     /// Timestamp of the file's time zero, in s, on a clock that other files may also use.
     zero_stamp_s: Option<f64>,
-    /// Seconds to add to the file's times.
+    /// Offset to add to the file's times, in s.
     offset_s: f64,
 }
 

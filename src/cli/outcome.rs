@@ -31,7 +31,7 @@ impl Report {
         Self { text, json, passed: true, aside: false, photo: None }
     }
 
-    /// Creates a report from a value that serializes as an object, and from a layout.
+    /// Creates a report from a value that serializes as an object, with text formatted by a layout.
     pub(super) fn with_layout(product: impl Serialize, layout: &str) -> Self {
         Self::with_words(product, &Value::Null, layout)
     }

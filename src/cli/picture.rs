@@ -135,7 +135,7 @@ struct Size {
 /// next larger size.
 const PAPER_MM: [f64; 7] = [1189.0, 841.0, 594.0, 420.0, 297.0, 210.0, 148.0];
 
-/// Parses a size: pixels such as `1920x1080`, or paper and dots per inch such as `A2@150`.
+/// Parses a size in pixels such as `1920x1080`, or a paper size and dots per inch such as `A2@150`.
 fn size(text: &str) -> std::result::Result<Size, String> {
     let wanted = "wanted WIDTHxHEIGHT in pixels, such as 1920x1080, or a print: A0 to A5, or \
                   WIDTHxHEIGHTmm, with @ and its dots per inch (10 to 2400), such as A2@150";

@@ -7,7 +7,7 @@
 //! - `{path}`: the value at a path, such as `{rmse_m.0}`,
 //! - `{path*100:+.1}`: the value times a factor, with a sign and one digit (`.1e`: with an
 //!   exponent),
-//! - `{path~none}`: the value, or `none` for null,
+//! - `{path~none}`: the value, or `none` if it is null,
 //! - `{path?yes:no}`: `yes` for true, a text, a number or a list with items, else `no`,
 //! - `[words {path}]`: words that are omitted if a value in them is null.
 //!
@@ -226,7 +226,7 @@ pub(super) fn table(head: &str, rows: &[Vec<String>]) -> String {
     lines.collect()
 }
 
-/// Returns text after a head, wrapped at 80 columns and indented to the width of the head. A
+/// Returns a prefix followed by text that is wrapped at 80 columns and indented to the prefix. A
 /// command in backquotes is kept on one line, so that it can be copied.
 pub(super) fn wrapped(head: &str, text: &str) -> String {
     let indent = head.chars().count();

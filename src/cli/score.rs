@@ -44,7 +44,7 @@ pub(super) struct ScoreArgs {
     /// Plan that was flown, which must write the word
     #[arg(long, value_name = "FILE")]
     plan: Option<PathBuf>,
-    /// Flights or logs that the photo shows, which provide speed, lag and contour error
+    /// Flights or logs that the photo shows, from which speed, lag and contour error are computed
     #[arg(long, value_name = "FILE", num_args = 1..)]
     flight: Vec<PathBuf>,
     #[command(flatten)]

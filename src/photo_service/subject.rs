@@ -66,7 +66,7 @@ impl Subject {
         // 2. The word, or the drawing's file, which the settings name.
         match drawing {
             Some((name, bytes)) => write_file(name, bytes)?,
-            // If the word is empty, the scene of a log keeps the word that was flown.
+            // If the word is empty, the log's scene keeps the word that was flown.
             None if self.word.is_empty() => {}
             None => scene.set_word(&self.word.replace("\\n", "\n")),
         }

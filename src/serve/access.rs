@@ -104,9 +104,9 @@ impl Access {
     }
 
     /// True if a `Host` is `localhost` or a literal IP address, and has the port of this server.
-    /// Without `--network` the address has to be a loopback address. Any other name is refused,
-    /// because a foreign page could make its own name resolve to this machine (DNS rebinding),
-    /// but it cannot do so with a literal address.
+    /// Without `--network`, only loopback addresses are accepted. Any other name is refused,
+    /// because a foreign page could make its host name resolve to this machine (DNS rebinding),
+    /// which is impossible for a literal address.
     fn is_this_server(&self, host: &str) -> bool {
         let Some((name, port)) = host.rsplit_once(':') else { return false };
         let name = name.strip_prefix('[').and_then(|name| name.strip_suffix(']')).unwrap_or(name);

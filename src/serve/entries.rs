@@ -69,7 +69,7 @@ pub(crate) struct ForVisitor {
     readability: Option<f64>,
     /// Photo of the entry's flight, if its log was followed.
     flown: Option<FlownPhoto>,
-    /// Number of entries that fly before this one, and the time that they take.
+    /// Number of entries that fly before this one, and the time that they take in s.
     ahead: usize,
     ahead_s: f64,
     /// Time since take-off in s, or `None` if it is unknown or the entry is not in the air.
@@ -591,7 +591,7 @@ impl List {
         Some(Receipt { id: entry.id.clone(), number: entry.number, is_new: false })
     }
 
-    /// Returns the path of a flight's file for the first entry that is wanted.
+    /// Returns the path of a flight's file for the first entry for which `is_wanted` is true.
     fn flown_file(&self, is_wanted: impl Fn(&Entry) -> bool, name: &str) -> Option<PathBuf> {
         let Stored { entry, folder, .. } = self.first(is_wanted)?;
         let (flown, _ending) = name.rsplit_once('.')?;
@@ -599,7 +599,7 @@ impl List {
         regular_file(folder.join(name))
     }
 
-    /// Returns the first entry, in the order of flight, that is wanted.
+    /// Returns the first entry in the order of flight for which `is_wanted` is true.
     fn first(&self, is_wanted: impl Fn(&Entry) -> bool) -> Option<&Stored> {
         self.entries.iter().find(|stored| is_wanted(&stored.entry))
     }

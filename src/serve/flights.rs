@@ -123,7 +123,8 @@ impl Flights {
             if n_bytes == log.n_bytes {
                 continue;
             }
-            // A file that became shorter is a new log. A refused log remains refused when it grows.
+            // A file that has become shorter is treated as a new log. A refused log remains refused
+            // when it grows.
             if n_bytes < log.n_bytes {
                 (log.state, log.word) = (State::Waits, None);
                 self.current = self.current.take().filter(|_| !is_current);

@@ -81,7 +81,7 @@ where
         };
         connections.retain(|connection| !connection.task.is_finished());
         if connections.len() >= MAX_CONNECTIONS {
-            // An idle one exists, because not as many requests are worked on at a time.
+            // An idle one exists, because fewer requests can be in progress.
             let Some(index) = oldest_idle(&connections) else { continue };
             connections.remove(index).task.abort();
         }

@@ -2,8 +2,8 @@
 //! the visitor sends it to be flown.
 //!
 //! `http` accepts a connection, `access` admits its request, and `routes` or `operator` answers it.
-//! Visitors' browsers make photos with a `module`. On this machine, a `worker` makes photos for
-//! other browsers, for the host and for `entries`, which a `gallery` stores. `flights` follows the
+//! Visitors' browsers make photos with a `module`. On this machine, each `worker` makes photos for
+//! other browsers, for the host or for `entries`, which a `gallery` stores. `flights` follows the
 //! logs of scripts during flights. The page itself is in the folder `page`.
 
 #![forbid(unsafe_code)]

@@ -1,4 +1,4 @@
-//! The current time as RFC 3339 text, in Coordinated Universal Time.
+//! Formats the current Coordinated Universal Time as RFC 3339 text.
 
 use std::time::{SystemTime, UNIX_EPOCH};
 

@@ -321,7 +321,7 @@ impl Drop for JobFolder<'_> {
 struct JobMaker<'a> {
     program: Program,
     scene: Option<&'a str>,
-    /// Typefaces on this machine, by the letters of the word for which they were searched.
+    /// Cached typefaces on this machine, by the letters of the word.
     faces: RefCell<BTreeMap<BTreeSet<char>, Option<PathBuf>>>,
     /// Flight that was followed last.
     following: Cell<Option<Following>>,

@@ -103,8 +103,8 @@ fn a_face_has_one_budget_for_all_its_characters() {
     assert!(error.contains("heavy.ttf: found more work than an input may take"), "{error}");
 }
 
-/// Words of equal and of alternating letters are written, scored in photos of themselves and of
-/// each other, read blind, and taken from the scene in a photo.
+/// Words of equal and of alternating letters are written, scored in their own and in each other's
+/// photos, read blind, and taken from the scene in a photo.
 #[test]
 fn no_word_takes_much_memory() {
     let reader = Reader { name: "words", file: "word.txt", read: words::read, good: || vec![] };

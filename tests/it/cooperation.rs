@@ -131,7 +131,7 @@ fn as_named(indices: [u64; 2]) -> Vec<Flight> {
     let options = scene.sim();
     let plans = Shoot::new(scene).unwrap().plans;
     let drone = |index| Drone { index, ..Drone::new(&options, 3) };
-    // Each index selects the plan of the same number.
+    // Each index selects the plan and the drone with that number.
     let fleet = indices.map(|index| (&plans[usize::try_from(index).unwrap()].plan, drone(index)));
     fly_fleet(&fleet, &mut |_| {}).unwrap()
 }

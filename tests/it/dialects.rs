@@ -32,7 +32,7 @@ fn shorten(flight: &mut Flight, n: usize) {
 
 type Variable = (&'static str, fn(&FlightSample) -> f64);
 
-/// Variables of the firmware by log block, in the firmware's units and signs.
+/// Variables of the firmware by log block, with the firmware's units and sign conventions.
 pub(crate) const FIRMWARE: [&[Variable]; 4] = [
     &[
         ("stateEstimate.x", |s| s.position_m.x),

@@ -27,7 +27,7 @@ fn repository(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
 }
 
-/// Compares text with a golden file byte by byte. If the text differs, it is written beside the
+/// Compares a text with a golden file byte by byte. If the text differs, it is written beside the
 /// tests.
 pub(crate) fn assert_golden(file: &str, found: &str) {
     let path = repository("golden").join(file);

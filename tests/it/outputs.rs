@@ -145,7 +145,7 @@ fn a_disk_that_fills_up_leaves_the_old_files() {
 type Fills<'a> = (&'a str, &'a [&'a str], &'a [&'a str], &'a [&'a str]);
 
 /// A limit on the file size simulates a disk that fills up between two files of a run. In a second
-/// case, the last file's name is that of a folder.
+/// case, a folder exists under the name of the last file.
 #[test]
 fn the_files_of_a_study_are_of_one_run() {
     let folder = tempfile::tempdir().unwrap();

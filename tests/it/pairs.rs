@@ -200,8 +200,7 @@ fn a_folder_is_read_with_the_files_that_it_was_written_with() {
     assert!(said.contains("both: found no plan-2.csv"), "{said}");
     assert_eq!(run(parent, &["check", "both/plan-1.csv"]).1["drones"], json!(1), "named alone");
 
-    // A plan of fewer drones removes the surplus plans of an earlier set, but no plans of another
-    // origin.
+    // A plan for fewer drones removes the surplus plans of an earlier set, but no other plans.
     plan("NO", "3", "three");
     plan("HI", "2", "three");
     assert_eq!(names_in(&parent.join("three")), ["plan-1.csv", "plan-2.csv", "scene.toml"]);
@@ -259,7 +258,7 @@ fn a_full_disk_leaves_the_pair_of_before() {
     assert!(before == after, "the pair of before");
 }
 
-/// A separate file system of several sizes fills up, if the test is allowed to mount one.
+/// Separate file systems of several sizes fill up, if the test is allowed to mount them.
 #[test]
 fn a_disk_that_fills_up_leaves_whole_sets() {
     let folder = flown();

@@ -516,7 +516,7 @@ fn a_crowd_leaves_neither_threads_nor_memory() {
         json!({ "visitor": format!("v{n}"), "word": "A", "settings": settings })
     };
     (0..10).for_each(|n| drop(server.post("live", &wish(n))));
-    // One more thread is allowed, because that of the last answer may still be ending.
+    // One more thread is allowed, because the thread of the last answer may still be ending.
     let (threads, memory) = (server.figure("Threads"), server.figure("VmRSS"));
     let crowd = |first: usize| {
         let answers = (0..32).map(|n| server.post("live", &wish(32 * first + n)));
@@ -602,7 +602,7 @@ fn the_operator_decides_what_hangs_and_what_flies() {
     let wall = || server.json(&format!("{}wall", server.path))["photos"].clone();
     assert_eq!(wall(), json!([]), "nothing hangs that nobody approved");
 
-    // Only the owner can see the entry.
+    // Only the entry's owner can see it.
     let own = server.json(&format!("/e/{id}/entry.json"));
     assert_eq!((&own["state"], &own["title"]), (&json!("waiting"), &json!("I")));
     assert_eq!(server.at(&format!("/e/{id}/queue.json")).0, 404);

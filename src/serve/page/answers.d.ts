@@ -138,7 +138,7 @@ interface Figures {
 
 /** Note for the operator about the log of a flight. */
 interface FlightNote {
-  /** Name of the page's sentence. */
+  /** Key of the note's sentence on the page. */
   key: string;
   /** Name of the log. */
   name: string;
@@ -179,9 +179,9 @@ interface ForVisitor {
   read: string | null;
   legible: boolean | null;
   readability: number | null;
-  /** Its flight, if the log was followed. */
+  /** Photo of the entry's flight, if its log was followed. */
   flown: FlownPhoto | null;
-  /** Number of entries that fly before this one, and the time that they take. */
+  /** Number of entries that fly before this one, and the time that they take in s. */
   ahead: number;
   ahead_s: number;
   /** Time since take-off in s, or null if it is unknown or the entry is not in the air. */
@@ -372,7 +372,7 @@ type Role = "visitor" | "operator" | "entry";
 
 type State = "waiting" | "approved" | "flying" | "flown" | "rejected";
 
-/** Changes of a scene that make its word easier to read. */
+/** Changes to a scene that make its word easier to read. */
 interface Suggestion {
   /** Increase of the probability that the word is read. */
   gain: number;
@@ -427,7 +427,7 @@ interface WallPhoto {
   /** True if the entry is in the air. */
   flying: boolean;
   readability: number | null;
-  /** Its flight, if the log was followed. */
+  /** Photo of the entry's flight, if its log was followed. */
   flown: FlownPhoto | null;
   /** True if the wall shows the light of the flight so far. */
   live: boolean;
