@@ -233,7 +233,7 @@ mod tests {
             ("sensors.gnss.silent_s[0]: found 30 to 20 s", |o| {
                 o.sensors.gnss.silent_s = vec![[30.0, 20.0]];
             }),
-            ("sensors.gnss.silent_s[1]: found 25 to 40 s, wanted a beginning after", |o| {
+            ("sensors.gnss.silent_s[1]: found 25 to 40 s, wanted a beginning not before", |o| {
                 o.sensors.gnss.silent_s = vec![[20.0, 30.0], [25.0, 40.0]];
             }),
             ("observer.kind: found altitude, with no sensor", |o| {
