@@ -54,21 +54,21 @@ interface Brand {
   logo: boolean;
 }
 
-/** `m` is the mean log-odds of the letters, and `r` the log-odds of the word against its rival. `s` says how usual the spelling is: the mean, over its letters, of the natural logarithm of the probability of a letter after the four before it, plus 2.2, times 1 − m / 8 for m from 0 to 8. */
+/** `m` is the mean log-odds of the letters, and `r` the log-odds of the word against its rival. `s` measures how common the spelling is: the mean natural logarithm of the probability of each letter after the preceding four, plus 2.2, multiplied by 1 − m / 8 for m from 0 to 8. */
 interface Calibration {
-  /** The readers whose reading the regression predicts. */
+  /** The human readers whose success the regression predicts. */
   reader: string;
   /** Constant of the regression. */
   constant: number;
   /** Weight of the letters' mean log-odds, each within −9 and 8. */
   mean_log_odds: number;
-  /** Weight of the log-odds of the word against the likeliest other one, within ±9. */
+  /** Weight of the log-odds of the word against the likeliest other word, within ±9. */
   rival: number;
   /** Weight of the spelling, `s` above. */
   spelling: number;
 }
 
-/** A fault in the photo, and the gain from mending it. */
+/** A fault in the photo, and the gain if the fault is removed. */
 interface Cause {
   /** Kind of the fault. */
   kind: CauseKind;
@@ -76,15 +76,15 @@ interface Cause {
   letter: number | null;
   /** Length, distance or width of the fault, in the plane of the word. */
   length_mm: number | null;
-  /** Center of the fault in the plane of the word: right and up. */
+  /** Center of the fault in the plane of the word: x to the right and y upward. */
   at_m: [number, number] | null;
-  /** The part of a stroke that is missing. */
+  /** The missing part of a stroke, if the fault is one. */
   missing: MissingRun | null;
-  /** Delay of the lamp, known if light leads from stroke to stroke and the speed is known. */
+  /** Switching delay of the lamp, if light connects two strokes and the drone's speed is known. */
   lamp_delay_s: number | null;
-  /** Start and end of the log gap because of which a part of a stroke is missing. */
+  /** Start and end times of the log gap that caused a missing part of a stroke. */
   log_gap_s: [number, number] | null;
-  /** The letter that this one looks like, if the fault is one of design. */
+  /** The letter that this one looks like, if the fault lies in the font's design. */
   reads_as: string | null;
   /** Gain in the letter's probability, −1 to 1, if the photo is read without the fault. The gain is null if the fault cannot be removed. */
   gain: number | null;
@@ -93,11 +93,11 @@ interface Cause {
 /** Kind of a fault. */
 type CauseKind = "missing_run" | "log_gap" | "lit_transit" | "streak" | "dwell_blob" | "overlap" | "other_stray" | "shifted" | "glow" | "few_pixels" | "dim" | "design" | "off_path";
 
-/** Key of a scene, and the value that it should have. */
+/** Scene key, and the value to which it should be set. */
 interface Change {
   /** Dotted key in the scene file. */
   key: string;
-  /** Value in the syntax of a scene, or null if the sentence only gives a direction. */
+  /** Value in scene-file syntax, or null if the sentence only says to raise or lower it. */
   value: string | null;
 }
 
@@ -226,15 +226,15 @@ interface LetterVerdict {
   no_letter: number | null;
   /** The three likeliest other letters, in descending order of probability. */
   rivals: Rival[];
-  /** Offset of the letter from its position in the word: right and up. Like the next four fields, it is null if it was not computed. */
+  /** Offset of the letter from its position in the word (right, up). This field and the next four are null if they were not computed. */
   shift_m: [number, number] | null;
-  /** Fraction of the intended strokes, moved onto their light, with light within 0.1 cap heights. */
+  /** Fraction of the moved intended strokes that have light within 0.1 cap heights. */
   recall: number | null;
-  /** Fraction of the light's lines that lies within 0.1 cap heights of an intended stroke. */
+  /** Fraction of the lines of light that is within 0.1 cap heights of an intended stroke. */
   precision: number | null;
-  /** Length of the intended strokes without light. */
+  /** Length of the intended strokes that have no light. */
   missing_mm: number | null;
-  /** Length of the light's lines that are away from the intended strokes. */
+  /** Length of the lines of light that are away from the intended strokes. */
   stray_mm: number | null;
   /** Probabilities of all letters that have a probability of at least 0.001, in descending order. */
   confusion: Rival[];
@@ -328,7 +328,7 @@ interface PhotoFacts {
 
 /** Placement of the word relative to the intended one. */
 interface Placement {
-  /** Shift in the plane of the word: right and up. */
+  /** Shift in the plane of the word: x to the right and y upward. */
   shift_m: [number, number];
   /** Ratio of the size to the intended size. */
   scale: number;
@@ -363,7 +363,7 @@ interface Rival {
 interface RivalWord {
   /** The word. */
   word: string;
-  /** Probability of this word if a viewer chooses between it and the expected word, 0 to 1. */
+  /** Probability, 0 to 1, that a viewer who must choose prefers this word to the expected one. */
   p: number;
 }
 
@@ -398,19 +398,19 @@ interface Verdict {
   faithfulness: number | null;
   /** The regression from which the readability was computed. */
   calibration: Calibration;
-  /** Placement of the word, or null if the photo has no light of the word. */
+  /** Placement of the word, or null if the photo does not show the word's light. */
   placement: Placement | null;
   /** Height of a capital in the photo in pixels, or null if the word is outside the photo. */
   cap_height_px: number | null;
-  /** The verdicts on the letters, in the order of the word. */
+  /** The verdict on each letter, in the order of the word. */
   letters: LetterVerdict[];
   /** The reason why the word is not legible, or null if it is. */
   reason: Reason | null;
-  /** The text that is read without knowing the word, or null if nothing is visible. */
+  /** The text that blind recognition reads in the photo, or null if nothing is visible. */
   second_opinion: string | null;
   /** Faults, in order of decreasing gain. The list is empty if faults were not computed. */
   causes: Cause[];
-  /** At most three changes, in order of decreasing gain. The list is empty if changes were not computed. */
+  /** Advice on at most three changes, in order of decreasing gain. Empty if not computed. */
   advice: Advice[];
 }
 

@@ -17,22 +17,22 @@ class Advice(TypedDict):
 
 
 class Calibration(TypedDict):
-    """`m` is the mean log-odds of the letters, and `r` the log-odds of the word against its rival. `s` says how usual the spelling is: the mean, over its letters, of the natural logarithm of the probability of a letter after the four before it, plus 2.2, times 1 − m / 8 for m from 0 to 8."""
+    """`m` is the mean log-odds of the letters, and `r` the log-odds of the word against its rival. `s` measures how common the spelling is: the mean natural logarithm of the probability of each letter after the preceding four, plus 2.2, multiplied by 1 − m / 8 for m from 0 to 8."""
 
     reader: str
-    """The readers whose reading the regression predicts."""
+    """The human readers whose success the regression predicts."""
     constant: float
     """Constant of the regression."""
     mean_log_odds: float
     """Weight of the letters' mean log-odds, each within −9 and 8."""
     rival: float
-    """Weight of the log-odds of the word against the likeliest other one, within ±9."""
+    """Weight of the log-odds of the word against the likeliest other word, within ±9."""
     spelling: float
     """Weight of the spelling, `s` above."""
 
 
 class Candidate(TypedDict):
-    """A point of the search space with the figures of its flights."""
+    """A point of the search space, and the figures of its flights."""
 
     number: int
     """Index of the candidate in the order of the search."""
@@ -49,13 +49,13 @@ class Candidate(TypedDict):
     duration_s: float | None
     """Mean duration of a flight. `None` if every drone was lost."""
     broken: float
-    """Penalty before its weight: the sum of the excesses over the limits, each as a fraction of its limit, plus the fraction of flights with a lost drone. 0 if every limit is kept."""
+    """Penalty before its weight: the sum of the excesses over the limits, each as a fraction of its limit, plus the fraction of flights with a lost drone. 0 if no limit is exceeded."""
     given_up: bool
     """True if the candidate was abandoned after half of its flights."""
 
 
 class Cause(TypedDict):
-    """A fault in the photo, and the gain from mending it."""
+    """A fault in the photo, and the gain if the fault is removed."""
 
     kind: CauseKind
     """Kind of the fault."""
@@ -64,15 +64,15 @@ class Cause(TypedDict):
     length_mm: float | None
     """Length, distance or width of the fault, in the plane of the word."""
     at_m: list[float] | None
-    """Center of the fault in the plane of the word: right and up."""
+    """Center of the fault in the plane of the word: x to the right and y upward."""
     missing: MissingRun | None
-    """The part of a stroke that is missing."""
+    """The missing part of a stroke, if the fault is one."""
     lamp_delay_s: float | None
-    """Delay of the lamp, known if light leads from stroke to stroke and the speed is known."""
+    """Switching delay of the lamp, if light connects two strokes and the drone's speed is known."""
     log_gap_s: list[float] | None
-    """Start and end of the log gap because of which a part of a stroke is missing."""
+    """Start and end times of the log gap that caused a missing part of a stroke."""
     reads_as: str | None
-    """The letter that this one looks like, if the fault is one of design."""
+    """The letter that this one looks like, if the fault lies in the font's design."""
     gain: float | None
     """Gain in the letter's probability, −1 to 1, if the photo is read without the fault. The gain is `None` if the fault cannot be removed."""
 
@@ -99,7 +99,7 @@ class Estimate(TypedDict):
     """A figure and its confidence interval at a stated level."""
 
     value: float
-    """The figure that is computed from all values."""
+    """Figure computed from all values."""
     low: float
     """Lower end of the confidence interval."""
     high: float
@@ -110,9 +110,9 @@ class Flown(TypedDict, total=False):
     """Figures of a flight."""
 
     contour_m: float
-    """Mean distance from the path within the word's plane."""
+    """Mean distance from the path in the word's plane."""
     lag_s: float
-    """Time lag behind the design."""
+    """Time lag relative to the design."""
     rmse_x_m: float
     """Root mean square error against the design along x."""
     rmse_y_m: float
@@ -122,13 +122,13 @@ class Flown(TypedDict, total=False):
     drift_y_m: float
     """Maximum distance from the word's plane."""
     tilt_rad: float
-    """Maximum tilt: roll or pitch."""
+    """Maximum tilt, which is the larger of roll and pitch."""
     saturated_frac: float
     """Fraction of the time in which a motor is saturated."""
     duration_s: float
     """Duration of the whole flight."""
     energy_j: float
-    """Energy of the whole flight: current for thrust and electronics times open-circuit voltage."""
+    """Energy of the whole flight: current for thrust and electronics, times open-circuit voltage."""
 
 
 class LetterVerdict(TypedDict):
@@ -145,15 +145,15 @@ class LetterVerdict(TypedDict):
     rivals: list[Rival]
     """The three likeliest other letters, in descending order of probability."""
     shift_m: list[float] | None
-    """Offset of the letter from its position in the word: right and up. Like the next four fields, it is `None` if it was not computed."""
+    """Offset of the letter from its position in the word (right, up). This field and the next four are `None` if they were not computed."""
     recall: float | None
-    """Fraction of the intended strokes, moved onto their light, with light within 0.1 cap heights."""
+    """Fraction of the moved intended strokes that have light within 0.1 cap heights."""
     precision: float | None
-    """Fraction of the light's lines that lies within 0.1 cap heights of an intended stroke."""
+    """Fraction of the lines of light that is within 0.1 cap heights of an intended stroke."""
     missing_mm: float | None
-    """Length of the intended strokes without light."""
+    """Length of the intended strokes that have no light."""
     stray_mm: float | None
-    """Length of the light's lines that are away from the intended strokes."""
+    """Length of the lines of light that are away from the intended strokes."""
     confusion: list[Rival]
     """Probabilities of all letters that have a probability of at least 0.001, in descending order."""
 
@@ -170,7 +170,7 @@ class MissingRun(TypedDict):
 
 
 class Outcome(Flown, TypedDict):
-    """The outcome of one trial, stored in a line of a `Store`."""
+    """Outcome of one trial, stored as a line in a `Store`."""
 
     read: str
     """Letters that were read."""
@@ -179,11 +179,11 @@ class Outcome(Flown, TypedDict):
     legible: bool
     """True if the word counts as legible."""
     probability: float
-    """Probability that a viewer reads the word and no other at first sight, 0 to 1: `read_probability`."""
+    """Probability that a viewer reads the word, and no other word, at first sight, 0 to 1: `read_probability`."""
     log_odds: float
-    """Log-odds of the probability, −10 to 10, which still change at probabilities near 0 or 1."""
+    """Log-odds of the probability, −10 to 10, which distinguish probabilities close to 0 or 1."""
     similarity: float
-    """Mean probability of the intended letters, 0 to 1, which changes even for an illegible word."""
+    """Mean probability of the intended letters, 0 to 1, which varies even among illegible words."""
     lost: str | None
     """Cause of the loss of a drone. `None` if no drone was lost."""
 
@@ -192,7 +192,7 @@ class Placement(TypedDict):
     """Placement of the word relative to the intended one."""
 
     shift_m: list[float]
-    """Shift in the plane of the word: right and up."""
+    """Shift in the plane of the word: x to the right and y upward."""
     scale: float
     """Ratio of the size to the intended size."""
     rotation_rad: float
@@ -226,7 +226,7 @@ class RivalWord(TypedDict):
     word: str
     """The word."""
     p: float
-    """Probability of this word if a viewer chooses between it and the expected word, 0 to 1."""
+    """Probability, 0 to 1, that a viewer who must choose prefers this word to the expected one."""
 
 
 class Verdict(TypedDict):
@@ -247,16 +247,16 @@ class Verdict(TypedDict):
     calibration: Calibration
     """The regression from which the readability was computed."""
     placement: Placement | None
-    """Placement of the word, or `None` if the photo has no light of the word."""
+    """Placement of the word, or `None` if the photo does not show the word's light."""
     cap_height_px: float | None
     """Height of a capital in the photo in pixels, or `None` if the word is outside the photo."""
     letters: list[LetterVerdict]
-    """The verdicts on the letters, in the order of the word."""
+    """The verdict on each letter, in the order of the word."""
     reason: Reason | None
     """The reason why the word is not legible, or `None` if it is."""
     second_opinion: str | None
-    """The text that is read without knowing the word, or `None` if nothing is visible."""
+    """The text that blind recognition reads in the photo, or `None` if nothing is visible."""
     causes: list[Cause]
     """Faults, in order of decreasing gain. The list is empty if faults were not computed."""
     advice: list[Advice]
-    """At most three changes, in order of decreasing gain. The list is empty if changes were not computed."""
+    """Advice on at most three changes, in order of decreasing gain. Empty if not computed."""
