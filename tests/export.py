@@ -280,9 +280,15 @@ class Flights(unittest.TestCase):
         self.assertEqual(len(sent), 1, "only in the end")
         notes = json.loads(content(os.path.abspath(drone.log_file)))["light.ring"]
         played = [(t / 1000 + 50 - zero_s, v) for t, v in zip(notes["time"], notes["data"])][1:]
-        for (t, _, level), (found_s, found) in zip(timing["changes"], played):
+        for (t, _, level, _), (found_s, found) in zip(timing["changes"], played):
             self.assertEqual(found, level)
             self.assertLessEqual(abs(found_s - t), 0.05)
+        # The log has the color of each change, as the bytes of the parameter.
+        log = json.loads(content(os.path.abspath(drone.log_file)))
+        logged = list(zip(*(log[f"light.ring.{color}"]["data"][1:] for color in ("red", "green", "blue"))))
+        self.assertGreater(max(max(color) for color in logged), 0.0)
+        for (_, _, level, value), color in zip(timing["changes"], logged):
+            self.assertEqual([round(255 * part) for part in color], list(value.to_bytes(4, "big")[1:]))
         # In a mode with lights over the radio, the same script sends every change.
         cf, _, _ = flight(script, "position")
         sent = [v for t, n, v in cf.params if n == "ring.fadeColor" and t > cf.begun_s]

@@ -234,8 +234,8 @@ fn aligned_logs<'a>(
     Ok((logs, samples.into_iter().flatten().collect()))
 }
 
-/// Aligns the logs and their ranges on the clock of the first log, with time zero at the first
-/// sample of all logs.
+/// Aligns the logs and their ranges to the clock of the first log, with time zero at the earliest
+/// sample of any log.
 fn align_logs(logs: &mut [Dated<'_>], samples: &mut [Vec<RangeSample>]) -> Result<()> {
     // Every log must use the same clock as the first one.
     let Some((first, others)) = logs.split_first_mut() else { return Ok(()) };

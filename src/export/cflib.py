@@ -362,11 +362,11 @@ class Drone:
 
     def light(self, name, value, channel, level):
         self.cf.param.set_value(name, value)
-        self._note(channel, level)
+        self._note(channel, level, value)
 
-    def lit(self, channel, level):
+    def lit(self, channel, level, value):
         """A light that changes by the timing memory on board: nothing is sent."""
-        self._note(channel, level)
+        self._note(channel, level, value)
 
     def set(self, values):
         """Sets parameters before the flight, and reads them back."""
@@ -490,17 +490,21 @@ class Drone:
         if self.stamp_ms is None:
             self.stamp_ms = stamp_ms
             for channel in DATA["channels"]:
-                self._note(channel, 0.0, stamp_ms)
+                self._note(channel, 0.0, 0, stamp_ms)
         self.stamp_ms, self.stamped_s = stamp_ms, self.clock()
         self._heard(stamp_ms, values, block)
         self._add(stamp_ms, values)
 
-    def _note(self, channel, level, stamp_ms=None):
-        """Keeps a light command in the log, on the drone's clock."""
+    def _note(self, channel, level, value, stamp_ms=None):
+        """Keeps a light command and its color in the log, on the drone's clock."""
         if stamp_ms is None and self.stamp_ms is not None:
             stamp_ms = round(self.stamp_ms + 1000 * (self.clock() - self.stamped_s))
         if stamp_ms is not None:
-            self._add(stamp_ms, {f"light.{channel}": level})
+            colors = DATA["colors"].get(channel, [])
+            parts = value.to_bytes(4, "big")[4 - len(colors):]
+            self._add(stamp_ms, {f"light.{channel}": level, **{
+                f"light.{color}": round(part / 255 / level, 4) if level else 0.0
+                for color, part in zip(colors, parts)}})
 
     def _add(self, stamp_ms, values):
         for name, value in values.items():

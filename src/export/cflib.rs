@@ -119,6 +119,7 @@ fn script_data(job: &Job<'_>, drone: usize, first_start_s: f64) -> Result<Value>
         "top_m": heights.fold(0.0, f64::max),
         "end_s": setpoints_end_s,
         "channels": plan.lamps().map(|(channel, _)| channel).collect::<Vec<_>>(),
+        "colors": colors(plan),
         "parameters": parameters,
         "lamps": lamp_names,
         "dark": dark(plan, job.light)?.iter()
@@ -127,6 +128,12 @@ fn script_data(job: &Job<'_>, drone: usize, first_start_s: f64) -> Result<Value>
         "setpoints": setpoints(plan, setpoints_end_s)?,
         "trajectory": trajectory,
     }))
+}
+
+/// Returns the color channels of a plan's lamps that have colors, whose levels the script logs.
+fn colors(plan: &Plan) -> BTreeMap<&str, &'static [&'static str]> {
+    let named = plan.lamps().filter_map(|(channel, _)| Channel::named(channel));
+    named.filter(|channel| !channel.colors.is_empty()).map(|c| (c.name, c.colors)).collect()
 }
 
 /// Returns the radio address of a drone: the factory address for a single drone, otherwise an
@@ -174,7 +181,8 @@ fn trajectory_data(
 fn timing_data(plan: &Plan, lights: &[Command]) -> Option<Value> {
     let timing = timing(plan, lights).filter(|t| t.entries.len() <= RING_TIMING_ENTRIES)?;
     let entries = timing.entries.iter().map(|(units, [r, g, b])| json!([units, r, g, b]));
-    let changes = timing.changes.iter().map(|(time_s, level)| json!([time_s, "ring", level]));
+    let changes = timing.changes.iter();
+    let changes = changes.map(|(time_s, level, value)| json!([time_s, "ring", level, value]));
     Some(json!({ "entries": Vec::from_iter(entries), "changes": Vec::from_iter(changes) }))
 }
 

@@ -200,8 +200,9 @@ pub fn timing_entries(plan: &Plan, options: &LightOptions) -> Result<Option<usiz
 pub(super) struct Timing {
     /// Duration of each entry in units of 40 ms, and its rounded color. The last entry is dark.
     pub(super) entries: Vec<(u8, [u8; 3])>,
-    /// Time in the plan, s, and level of each change that the memory plays.
-    pub(super) changes: Vec<(f64, f64)>,
+    /// Time in the plan, s, level, and value of [`RING`]'s parameter for each change that the
+    /// memory plays.
+    pub(super) changes: Vec<(f64, f64, u32)>,
 }
 
 /// Returns the timing memory, of any length, for a plan that lights only the ring. Returns `None`
@@ -214,7 +215,8 @@ pub(super) fn timing(plan: &Plan, commands: &[Command]) -> Option<Timing> {
     // Times are counted in units since the first change.
     let (mut entries, mut changes, mut played) = (Vec::new(), Vec::new(), 0);
     for (index, command) in commands.iter().enumerate() {
-        changes.push((first.time_s + RING_TIMING_S * played as f64, command.level));
+        let time_s = first.time_s + RING_TIMING_S * played as f64;
+        changes.push((time_s, command.level, command.value));
         // A change shorter than a unit is extended to one unit, and the next ones are shortened.
         let (until_s, least_units) = match commands.get(index + 1) {
             Some(next) => (next.time_s, 1),
@@ -437,7 +439,7 @@ mod tests {
         let played = timing("ring", &[0.0, 1.0, 1.0, 0.0, 0.5, 0.0], 1.01).unwrap();
         let (on, dark, half) = ([197, 101, 0], [0; 3], [99, 49, 0]);
         assert_eq!(played.entries, [(51, on), (25, dark), (25, half), (2, dark)]);
-        for ((time_s, _), want) in played.changes.iter().zip([1.01, 3.03, 4.04, 5.05]) {
+        for ((time_s, ..), want) in played.changes.iter().zip([1.01, 3.03, 4.04, 5.05]) {
             assert!((time_s - want).abs() <= RING_TIMING_S / 2.0 + 1e-9, "{time_s} s");
         }
         let long = timing("ring", &[0.0, 1.0, 0.0], 25.0).unwrap().entries;

@@ -87,7 +87,7 @@ fn add_arc(curve: &mut Vec<Point>, chord: &Chord, (begin, end): (Vec2, Vec2)) {
     let from = curve[curve.len() - 1];
     let turns = [begin, end].map(|t| libm::acos(t.dot(chord.direction).clamp(-1.0, 1.0)));
     let turn = turns[0] + turns[1];
-    // The slack prevents an extra piece because of rounding.
+    // The slack keeps rounding from creating an extra piece.
     let n_pieces = (turn / STEP_RAD - 1e-6).ceil();
     // With tangents of this length, the cubic passes through the midpoint of a circular arc.
     let tangent_length = chord.length / libm::pow(libm::cos(0.25 * turn), 2.0);

@@ -201,7 +201,8 @@ mod tests {
         }
     }
 
-    /// Returns the rate of V = `½|p̃_1|²` + `½μ|p̃_2|²`: its quadratic form, and the other terms.
+    /// Returns the rate of V = `½|p̃_1|²` + `½μ|p̃_2|²`: its quadratic form and its remaining
+    /// terms, separately.
     fn lyapunov_rate(
         observer: &SharedAnchorObserver,
         positions_m: &[Vector3<f64>; 2],

@@ -11,7 +11,7 @@ use noctograph_core::statistics::median;
 /// Maximum number of variables that become channels of a flight.
 const MAX_CHANNELS: usize = 32;
 
-/// Work budget in steps per number in a channel.
+/// Work budget in steps per value of a channel.
 const STEPS: usize = 10;
 
 /// Magnitude at and above which a number is not a measurement.

@@ -158,7 +158,8 @@ impl Flights {
             self.current = None;
             return;
         }
-        let is_over = log.grew.elapsed() > SILENCE;
+        // A log that is complete when it is found ends with its mark, however old it is.
+        let is_over = log.n_bytes == current.n_bytes && log.grew.elapsed() > SILENCE;
         if Instant::now() < current.next || (log.n_bytes == current.n_bytes && !is_over) {
             return;
         }

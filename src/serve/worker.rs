@@ -38,7 +38,7 @@ use noctograph_pipeline::scene::Scene;
 
 /// Maximum number of jobs that wait for a worker.
 const MAX_WAITING: usize = 64;
-/// Maximum memory of a worker in bytes, excluding its code, which is enough for a large picture.
+/// Memory limit of a worker in bytes, excluding its code. The limit is enough for a large picture.
 #[cfg(unix)]
 const MEMORY: u64 = 1 << 30;
 /// Time limit for a photo while a visitor types, long enough for a busy machine.
@@ -146,7 +146,7 @@ impl Maker {
             *slot = Some(worker);
             answer
         });
-        // The task of a keystroke's photo continues even when its handle is dropped.
+        // The task that makes the photo for a keystroke continues even if its handle is dropped.
         let made = match is_live {
             true => made.await,
             false => (&mut AbortOnDrop(made).0).await,

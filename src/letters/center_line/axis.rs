@@ -80,7 +80,7 @@ impl Axis {
     }
 
     /// Returns the path from a node through a neighbor, up to a node for which `is_end` is true, to
-    /// a node without another neighbor, or back to its start.
+    /// a node without another neighbor, or back to its start. Nodes in between have two neighbors.
     pub(super) fn path(&self, from: usize, through: usize, is_end: &dyn Fn(usize) -> bool) -> Path {
         let mut path = vec![from, through];
         loop {

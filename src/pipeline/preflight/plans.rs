@@ -159,7 +159,7 @@ fn mismatch_frac(segments: &[Segment]) -> f64 {
     mismatch_m / lengths_m.sum::<f64>().max(1e-9)
 }
 
-/// Checks the plan's maximum speed, both by its velocities and by its positions.
+/// Checks the plan's maximum speed, as given by its velocities and as computed from its positions.
 fn speed(plan: &Plan, profile: &Profile) -> Diagnostic {
     let by_velocity = largest(plan.setpoints.iter().map(|s| (s.velocity_m_s.norm(), s.time_s)));
     let segments = segments(plan);

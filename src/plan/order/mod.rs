@@ -33,7 +33,8 @@ const MAX_STROKES: usize = 10_000;
 /// Cost in s of a step to another letter in reading order. Because it exceeds any transit within a
 /// word, the cheapest order goes from one end of the word to the other with one step per letter.
 const LETTER_S: f64 = 1000.0;
-/// Maximum additional time of reading order, as a fraction of the shortest flight.
+/// Maximum extra flight time for drawing in reading order, as a fraction of the shortest flight's
+/// duration.
 const READING_EXCESS: f64 = 0.1;
 /// Number of transits sampled to estimate the duration of many strokes, and the fraction of the
 /// estimate that is a safe lower bound.

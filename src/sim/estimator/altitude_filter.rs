@@ -161,7 +161,8 @@ impl AltitudeFilter {
 
     /// Propagates the estimate over a span on the floor with the motors off.
     pub fn rest(&mut self, span_s: f64) {
-        // Velocity and gust are reset with their correlations. Altitude and thrust map are kept.
+        // Velocity and gust are reset, together with their correlations. Altitude and thrust map
+        // are kept.
         let Normal { mean, covariance, .. } = &mut self.normal;
         let [_, velocity_sigma, _] = START_SIGMA;
         for (state, sigma) in

@@ -46,7 +46,8 @@ impl DelayedState {
     }
 }
 
-/// Returns the position at `then` of a drone with this position, velocity and tilt at `now`.
+/// Returns the state at `then` of a drone that has the given position, velocity and tilt at `now`.
+/// The integrated force is taken to be spread evenly over the time between.
 pub(super) fn delayed(
     position_m: Vector3<f64>,
     velocity_m_s: Vector3<f64>,

@@ -109,7 +109,7 @@ fn parse(yaml: &str, file: &str) -> Result<Warned<Vec<Station>>> {
     Ok(Warned { product, warnings: Diagnostic::warnings("base-stations", warnings) })
 }
 
-/// Checks that the value of a key is one of the wanted values.
+/// Checks that the value of a key is one of the allowed values.
 fn check_value(key: &str, value: &Spanned<String>, wanted: &[&str], file: &str) -> Result<()> {
     if wanted.contains(&value.value.as_str()) {
         return Ok(());
