@@ -1227,7 +1227,7 @@ def more_has_two_levels(hall):
     assert page.locator("#drawer .how select").first.is_visible()
     page.keyboard.press("Escape")
     page.click("#more")
-    assert page.locator("#drawer .how select").first.is_visible()
+    page.locator("#drawer .how select").first.wait_for(state="visible", timeout=5000)
     assert not trouble, trouble
 
 
