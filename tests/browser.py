@@ -107,6 +107,12 @@ def shown(page):
     return page.inner_text("#verdict")
 
 
+def send(page, **wait):
+    """Sends what is shown, and waits until the page says so."""
+    page.click("#send")
+    page.wait_for_selector("#sent h2", **wait)
+
+
 def write(page, word):
     """Enters a whole word, and waits for its photograph."""
     before = page.get_attribute("main", "data-shown")

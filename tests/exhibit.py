@@ -390,8 +390,7 @@ def what_only_directs_a_text_is_in_no_title(hall):
             ready(page)
             said = write(page, "\u202eLO\u00a0\u200dHI\u200b\u2066")
             assert "LO HI" in said or "could" in said, said
-            page.click("#send")
-            page.wait_for_selector("#sent h2")
+            send(page)
             assert page.inner_text("#sent h2") == "LO HI is sent.", page.inner_text("#sent h2")
             entry = next(Path(gallery).glob("0*/entry.json"))
             assert json.loads(entry.read_text())["title"] == "LO HI", entry.read_text()
@@ -583,14 +582,12 @@ def what_is_sent_is_approved_flown_hung_and_taken_home(hall):
             page, trouble = opened(hall.browser, server.page, viewport=PHONE)
             ready(page)
             write(page, "ANNA")
-            page.click("#send")
-            page.wait_for_selector("#sent h2")
+            send(page)
             assert "ANNA" in page.inner_text("#sent h2")
             page.get_by_text("Take it back").click()
             assert page.input_value("#word") == "ANNA", "what was taken back can be changed"
             shown(page)
-            page.click("#send")
-            page.wait_for_selector("#sent h2")
+            send(page)
             page.reload()
             ready(page)
             page.wait_for_selector("#sent h2")
@@ -677,8 +674,7 @@ def nothing_hangs_that_nobody_approved(hall):
             consent = page.inner_text("#consent")
             assert ("at once" in consent) == bool(hung), consent
             write(page, "LO")
-            page.click("#send")
-            page.wait_for_selector("#sent h2")
+            send(page)
             wall = json.loads(urllib.request.urlopen(f"{phones}wall").read())["photos"]
             assert len(wall) == hung, (flags, wall)
             host, _ = opened(hall.browser, server.operator)
@@ -697,8 +693,7 @@ def no_code_leads_to_this_machine_itself(hall):
         ready(page)
         page.mouse.click(300, 300)
         write(page, "LO")
-        page.click("#send")
-        page.wait_for_selector("#sent h2")
+        send(page)
         assert page.locator("#sent img").count() == 0 and "Phones cannot reach this machine" in page.inner_text("#sent"), page.inner_text("#sent")
         wall, wall_trouble = opened(hall.browser, f"{server.page}wall.html")
         wall.wait_for_selector("#invite p")
@@ -789,8 +784,7 @@ def nothing_is_done_to_an_entry_that_nobody_looked_at(hall):
         ready(page)
         for word in ["LO", "IO"]:
             write(page, word)
-            page.click("#send")
-            page.wait_for_selector("#sent h2", timeout=120_000)
+            send(page, timeout=120_000)
             page.get_by_text("Write another").click()
         hosts = [opened(hall.browser, server.operator)[0] for _ in range(2)]
         for host in hosts:
@@ -834,8 +828,7 @@ def a_refusal_is_said_and_the_word_stays(hall):
         assert page.input_value("#word") == "OTTO" and page.locator("#frame").is_visible()
         host.click("#pause")
         until(host, "document.querySelector('#pause').getAttribute('aria-pressed') === 'false'")
-        page.click("#send")
-        page.wait_for_selector("#sent h2")
+        send(page)
     finally:
         server.kill()
 
@@ -853,8 +846,7 @@ def a_phone_with_the_code_of_the_wall_is_no_kiosk(hall):
         ready(phone)
         assert phone.locator("#start").is_hidden(), "a phone begins at the word"
         write(phone, "LO")
-        phone.click("#send")
-        phone.wait_for_selector("#sent h2")
+        send(phone)
         phone.get_by_text("Keep").first.wait_for()
         assert not trouble, trouble
     finally:
@@ -931,8 +923,7 @@ def what_an_export_refuses_is_named(hall):
         page, _ = opened(hall.browser, server.page)
         ready(page)
         write(page, "I")
-        page.click("#send")
-        page.wait_for_selector("#sent h2")
+        send(page)
         host, _ = opened(hall.browser, server.operator)
         host.wait_for_selector("[data-do=approve]")
         host.keyboard.press("a")
@@ -964,8 +955,7 @@ def a_wall_whose_server_was_restarted_hangs_on(hall):
         wall.goto(f"{server.page}wall.html")
         for word in ["ANNA", "OTTO"]:
             write(page, word)
-            page.click("#send")
-            page.wait_for_selector("#sent h2")
+            send(page)
             page.get_by_text("Write another").click()
             until(wall, f"document.querySelector('#wall img[alt^={word}]')", what=f"{word} on the wall")
         assert "ANNA" in wall.inner_text("#newest"), "the newest hangs for a minute before the next one takes its place"
@@ -1013,8 +1003,7 @@ def an_empty_evening_shows_what_comes(hall):
         phone, _ = opened(hall.browser, json.loads(urllib.request.urlopen(f"{server.operator}address.json").read())["visitors"], viewport=PHONE)
         ready(phone)
         write(phone, "LO")
-        phone.click("#send")
-        phone.wait_for_selector("#sent h2")
+        send(phone)
         (start, _), (wall, _) = pages
         until(start, "document.querySelector('#start .show img')?.alt === 'LO'", "the evening's photograph at the start")
         until(wall, "document.querySelector('#bare').hidden && document.querySelector('#newest img')", "the evening's photograph on the wall")
@@ -1032,8 +1021,7 @@ def a_phone_counts_down_to_its_flight_and_runs_it_live(hall):
             page, trouble = opened(hall.browser, server.page, viewport=PHONE)
             ready(page)
             write(page, word)
-            page.click("#send")
-            page.wait_for_selector("#sent h2")
+            send(page)
             ids.append(kept(page)["sent"]["id"])
         mine, mine_trouble = opened(hall.browser, f"{server.host}/e/{ids[1]}/", viewport=PHONE)
         ready(mine)
@@ -1125,8 +1113,7 @@ def a_flight_is_shown_as_it_is_written_and_its_photograph_is_kept(hall):
             page, trouble = opened(hall.browser, server.page, viewport=PHONE)
             ready(page)
             write(page, "LO")
-            page.click("#send")
-            page.wait_for_selector("#sent h2")
+            send(page)
             home = kept(page)["sent"]["id"]
             mine, mine_trouble = opened(hall.browser, f"{server.host}/e/{home}/", viewport=PHONE)
             ready(mine)
@@ -1300,8 +1287,7 @@ def states(browser, server):
         yield f"picture {wide}", page
         page.click("#opened-close")
         write(page, "ANNA")
-        page.click("#send")
-        page.wait_for_selector("#sent h2")
+        send(page)
         yield f"sent {wide}", page
         number = kept(page)["sent"]["id"]
         page.context.close()

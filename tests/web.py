@@ -540,8 +540,7 @@ def a_visitor_of_the_exhibit_makes_own_photographs(browser):
             return Promise.all(['live', 'photos'].map(async (route) => (await (await fetch(route, {method: 'POST', headers, body})).json()).photo));
         }""")
         assert own in there, "another photograph than the server's"
-        page.click("#send")
-        page.wait_for_selector("#sent h2", timeout=120_000)
+        send(page, timeout=120_000)
         context.close()
         # A browser that cannot run the module gets the server's photograph and a message.
         context = browser.new_context(locale="en-US", viewport=PHONE)

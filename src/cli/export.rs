@@ -176,7 +176,10 @@ fn warned(args: &ExportArgs, shoot: &Shoot, checks: &[Diagnostic]) -> Option<Str
 /// Warns if the controller does not follow the motion of a trajectory.
 pub(super) fn warn_of_trailing(shoot: &Shoot) {
     if !shoot.scene.controller.kind.follows_reference() {
-        warn(["this controller tracks positions, and lags behind a trajectory on board: look \
-             at the result first with `preview --as-exported compressed`, or fly `--set controller.kind=geometric`"]);
+        warn([
+            "this controller tracks positions, and lags behind a trajectory on board: look at the \
+             result first with `preview --as-exported compressed`, or fly \
+             `--set controller.kind=geometric`",
+        ]);
     }
 }

@@ -35,15 +35,18 @@ pub(super) fn run(args: &ReadArgs) -> Result<Report> {
     let photo = photo::read(&args.photo)?;
     let photo = square_on(photo, args.corners.as_ref(), &args.camera)?;
     let reading = read_upright(photo, "").1;
-    let is_writing = !reading.clone().of_writing().text.is_empty();
-    if let [ReadLetter { letter, p, .. }] = &reading.letters[..]
-        && !is_writing
-        && *p >= NOTED
+    let single = match reading.letters[..] {
+        [ReadLetter { letter, p, .. }] => Some((letter, p)),
+        _ => None,
+    };
+    let reading = reading.of_writing();
+    if let Some((letter, p)) = single
+        && reading.text.is_empty()
+        && p >= NOTED
     {
         let text = format!("a single mark is too unclear to be writing: {letter} with {p:.2}");
         message("note: ", &text);
     }
-    let reading = reading.of_writing();
     let text = Some(&reading.text).filter(|text| !text.is_empty());
     let report = Report::with_words(&reading, &json!({ "line": text }), LAYOUT);
     Ok(report.passes(!reading.text.is_empty()))

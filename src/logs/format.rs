@@ -108,8 +108,7 @@ const FORMATS: [(&[u8], &str, &str); 31] = [
     (
         b"H Product:Blackbox",
         "a Betaflight log",
-        "log the position as well, because this log \
-         contains none",
+        "log the position as well, because this log contains none",
     ),
     (b"LabVIEW Measurement", "a LabVIEW file", "keep only its table, with a header t,x,y,z"),
     (b"% program", "an RTKLIB solution", "write it in meters east, north and up as t,x,y,z"),

@@ -54,13 +54,8 @@ pub(super) fn with_z_up(mut log: Recording, options: &ImportOptions) -> Result<R
     log.blocks.iter_mut().for_each(|block| rotate_to_z_up(block, axes));
     if let Some(why) = why {
         let axes = axes.name();
-        log.warn(
-            "axes-turned",
-            format!(
-                "the world's axes are taken as {axes}, {why}, and turned \
-             to {to}"
-            ),
-        );
+        let text = format!("the world's axes are taken as {axes}, {why}, and turned to {to}");
+        log.warn("axes-turned", text);
     }
     Ok(log)
 }

@@ -6,7 +6,6 @@ use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use hyper::body::Bytes;
 use serde::{Deserialize, Serialize};
 use tokio::sync::watch;
 use tokio::time::timeout;
@@ -14,10 +13,13 @@ use tokio::time::timeout;
 use super::gallery::{
     self, Entry, Figures, FlownPhoto, ForOperator, Gallery, Order, Photo, State, regular_file,
 };
-use super::worker::Parcel;
+pub(crate) use flown::FlightNote;
+use flown::Light;
 use noctograph_core::error::Result;
 use noctograph_photo_service::messages::{Key, KeyResult};
 use noctograph_photo_service::request::Subject;
+
+mod flown;
 
 /// Maximum number of waiting entries.
 const MAX_WAITING: usize = 1000;
@@ -95,27 +97,6 @@ struct WallPhoto {
     flown: Option<FlownPhoto>,
     /// True if the wall shows the light of the flight so far.
     live: bool,
-}
-
-/// Photo of a flight so far.
-#[derive(Debug)]
-struct Light {
-    /// Name of the entry.
-    id: String,
-    jpeg: Bytes,
-    /// False when the flight is over. The wall may still request the last photo.
-    is_live: bool,
-}
-
-/// Note for the operator about the log of a flight.
-#[derive(Debug, PartialEq, Serialize)]
-pub(crate) struct FlightNote {
-    /// Key of the note's sentence on the page.
-    pub(crate) key: &'static str,
-    /// Name of the log.
-    pub(crate) name: String,
-    /// Reason in English, or the word that was flown according to the log.
-    pub(crate) why: String,
 }
 
 /// The complete queue, for the operator.
@@ -428,104 +409,12 @@ impl Entries {
 
     /// Returns the path of a photo's file, or `None` if the photo is not on the wall.
     pub(crate) fn wall_file(&self, key: &str, name: &str) -> Option<PathBuf> {
-        let list = self.list();
-        regular_file(
-            list.first(|entry| entry.key == key && self.is_shown(entry))?.folder.join(name),
-        )
+        regular_file(self.list().first(|entry| self.hangs(entry, key))?.folder.join(name))
     }
 
-    /// Returns the path of a file of an entry's flight, or `None` if it does not exist.
-    pub(crate) fn flown_file(&self, id: &str, name: &str) -> Option<PathBuf> {
-        self.list().flown_file(|entry| entry.id == id, name)
-    }
-
-    /// Returns the path of a flight's file for an entry on the wall.
-    pub(crate) fn wall_flown(&self, key: &str, name: &str) -> Option<PathBuf> {
-        self.list().flown_file(|entry| entry.key == key && self.is_shown(entry), name)
-    }
-
-    /// Returns the photo of the flight so far of an entry on the wall.
-    pub(crate) fn wall_light(&self, key: &str) -> Option<Bytes> {
-        let list = self.list();
-        let stored = list.first(|entry| entry.key == key && self.is_shown(entry))?;
-        let light = list.light.as_ref().filter(|light| light.id == stored.entry.id)?;
-        Some(light.jpeg.clone())
-    }
-
-    /// Returns the name and the number of drones of the entry to which a log of a word belongs.
-    /// This is the entry in the air or else the first approved entry, preferably one without a
-    /// flight.
-    pub(crate) fn flies(&self, word: &str) -> Option<(String, usize)> {
-        let list = self.list();
-        let writes = |entry: &Entry| match &entry.title {
-            // In a typed word, the characters `\n` stand for a line break.
-            Some(title) => title.replace("\\n", "\n") == word,
-            None => word == DRAWING,
-        };
-        let rank = |entry: &Entry| match (entry.state, entry.flown.is_some()) {
-            (State::Flying, _) => Some(0),
-            (State::Approved, false) => Some(1),
-            (State::Flown, false) => Some(2),
-            (State::Approved, true) => Some(3),
-            _ => None,
-        };
-        let entries = list.entries.iter().map(|stored| &stored.entry);
-        let ranked =
-            entries.filter(|entry| writes(entry)).filter_map(|entry| Some((rank(entry)?, entry)));
-        let (_, entry) = ranked.min_by_key(|(rank, _)| *rank)?;
-        Some((entry.id.clone(), entry.figures.drones))
-    }
-
-    /// Returns the subject of an entry, or `None` if it cannot be read.
-    pub(crate) fn subject(&self, id: &str) -> Option<Subject> {
-        let folder = self.list().first(|entry| entry.id == id)?.folder.clone();
-        gallery::read_subject(&folder)
-    }
-
-    /// True if the operator has approved an entry and has not withdrawn the approval.
-    pub(crate) fn is_approved(&self, id: &str) -> bool {
-        let is_approved = |entry: &Entry| !matches!(entry.state, State::Waiting | State::Rejected);
-        self.list().first(|entry| entry.id == id).is_some_and(|stored| is_approved(&stored.entry))
-    }
-
-    /// Shows the photo of a flight so far. Walls are notified when the flight begins.
-    pub(crate) fn shine(&self, id: &str, jpeg: Vec<u8>) {
-        let mut list = self.list();
-        let was_live = list.light.as_ref().is_some_and(|light| light.is_live && light.id == id);
-        list.light = Some(Light { id: id.to_owned(), jpeg: jpeg.into(), is_live: true });
-        if !was_live {
-            self.announce_change();
-        }
-    }
-
-    /// Marks the flight that the wall shows as ended.
-    pub(crate) fn end_light(&self) {
-        if let Some(light) = self.list().light.as_mut().filter(|light| light.is_live) {
-            light.is_live = false;
-            self.announce_change();
-        }
-    }
-
-    /// Stores the photo of an entry's flight.
-    pub(crate) fn land(&self, id: &str, Parcel { figures, files }: &Parcel) -> KeyResult<()> {
-        let folder = self.list().first(|entry| entry.id == id).ok_or(Key::Closed)?.folder.clone();
-        // The list is not locked during the disk access.
-        let name = gallery::write_flown(&folder, files).map_err(|_cause| Key::DiskFull)?;
-        let mut list = self.list();
-        let index = list.index(id)?;
-        let flown = FlownPhoto { name, readability: figures.readability };
-        list.entries[index].change(|entry| entry.flown = Some(flown))?;
-        self.announce_change();
-        Ok(())
-    }
-
-    /// Sets the operator's notes about the logs of flights.
-    pub(crate) fn note(&self, notes: Vec<FlightNote>) {
-        let mut list = self.list();
-        if list.notes != notes {
-            list.notes = notes;
-            self.announce_change();
-        }
+    /// True if an entry is on the wall, under a key.
+    fn hangs(&self, entry: &Entry, key: &str) -> bool {
+        entry.key == key && self.is_shown(entry)
     }
 
     /// True if an entry is on the wall.
@@ -589,14 +478,6 @@ impl List {
     fn receipt(&self, photo: &str) -> Option<Receipt> {
         let Stored { entry, .. } = self.first(|entry| entry.photo == photo)?;
         Some(Receipt { id: entry.id.clone(), number: entry.number, is_new: false })
-    }
-
-    /// Returns the path of a flight's file for the first entry for which `is_wanted` is true.
-    fn flown_file(&self, is_wanted: impl Fn(&Entry) -> bool, name: &str) -> Option<PathBuf> {
-        let Stored { entry, folder, .. } = self.first(is_wanted)?;
-        let (flown, _ending) = name.rsplit_once('.')?;
-        entry.flown.as_ref().filter(|entry| entry.name == flown)?;
-        regular_file(folder.join(name))
     }
 
     /// Returns the first entry in the order of flight for which `is_wanted` is true.

@@ -138,7 +138,10 @@ impl Flights {
     /// Reads the words of new logs, and chooses the log to follow if none is being followed.
     fn choose(&mut self, entries: &Entries) {
         for (path, log) in self.logs.iter_mut().filter(|(_, log)| log.state == State::Waits) {
-            log.word = log.word.take().or_else(|| word_in(path));
+            // A file at rest does not become a script's log, so its head is not read forever.
+            if log.word.is_none() && log.grew.elapsed() < SILENCE {
+                log.word = word_in(path);
+            }
             let flown = log.word.as_ref().and_then(|word| entries.flies(word));
             let Some((id, 0 | 1)) = flown.filter(|_| self.current.is_none()) else { continue };
             if let Some(subject) = entries.subject(&id) {

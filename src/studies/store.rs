@@ -284,8 +284,7 @@ fn check_header(folder: &Path) -> Result<()> {
             path.display(),
             start,
             wanted,
-            "name another folder: this folder holds no \
-                                                     study",
+            "name another folder: this folder holds no study",
         )
     })?;
     // Another build may produce different outcomes, even with the same version number.

@@ -538,7 +538,11 @@ proptest::proptest! {
             let (x, w, h) = (10.0 + width * f64::from(k) + inset, width - 2.0 * inset, 50.0 - 2.0 * inset);
             let y = 20.0 + inset;
             let rx = if has_lines { round } else { 0.0 };
-            if turned && rx == 0.0 { format!("<path d='M{x} {y}v{h}h{w}v-{h}z' {more}/>") } else { format!("<rect x='{x}' y='{y}' width='{w}' height='{h}' rx='{rx}' {more}/>") }
+            if turned && rx == 0.0 {
+                format!("<path d='M{x} {y}v{h}h{w}v-{h}z' {more}/>")
+            } else {
+                format!("<rect x='{x}' y='{y}' width='{w}' height='{h}' rx='{rx}' {more}/>")
+            }
         };
         let fill = |k: u32| format!("fill='#{}{}f'", 3 * k % 10, 9 - k);
         let inset = inset * stroke;

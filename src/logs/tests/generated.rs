@@ -164,18 +164,18 @@ proptest! {
         };
         let times = (0..=60).map(|i| 0.2 * f64::from(i));
         let rows: Vec<String> = if in_turn {
-times.flat_map(|t| [row(0, t), row(1, t)]).collect()
-} else {
-[0, 1].into_iter().flat_map(|k| { times.clone() }.map(move |t| (k, t)))
-                .map(|(k, t)| row(k, t)).collect()
-};
+            times.flat_map(|t| [row(0, t), row(1, t)]).collect()
+        } else {
+            let pairs = [0, 1].into_iter().flat_map(|k| times.clone().map(move |t| (k, t)));
+            pairs.map(|(k, t)| row(k, t)).collect()
+        };
         let mut head = vec!["t", "x", "y", "z"];
         head.insert(place_of_name, title);
         let text = if as_json {
-format!("[{}]", rows.join(","))
-} else {
-format!("{}\n{}\n", head.join(","), rows.join("\n"))
-};
+            format!("[{}]", rows.join(","))
+        } else {
+            format!("{}\n{}\n", head.join(","), rows.join("\n"))
+        };
         let error = parse(text.as_bytes(), "log", &ImportOptions::default()).unwrap_err();
         let said = format!("column {title}: found rows of several drones");
         prop_assert!(error.to_string().contains(&said), "{error}\n{text:.200}");
@@ -315,11 +315,8 @@ format!("{}\n{}\n", head.join(","), rows.join("\n"))
         yaw_rad in 0.1..1.5_f64,
     ) {
         let is_of_drone = title.contains('.');
-        let axes = ["x", "y", "z"].map(|axis| if is_of_drone {
-format!("stateEstimate.{axis}")
-} else {
-axis.to_owned()
-});
+        let prefix = if is_of_drone { "stateEstimate." } else { "" };
+        let axes = ["x", "y", "z"].map(|axis| format!("{prefix}{axis}"));
         let stamp = if is_of_drone { "Timestamp" } else { "t" };
         let mut text = format!("{stamp},{},{title}\n", axes.join(","));
         for i in 0..=120 {

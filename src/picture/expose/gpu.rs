@@ -128,14 +128,12 @@ impl Gpu {
 
     /// Creates a buffer with `n` dark tiles on the device.
     fn dark_tiles(&self, n: usize) -> wgpu::Buffer {
+        let [mapped, copied] = [wgpu::BufferUsages::MAP_READ, wgpu::BufferUsages::COPY_SRC];
+        let way_out = if self.is_processor { mapped } else { copied };
         self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("tiles"),
             size: TILE_BYTES * n as u64,
-            usage: wgpu::BufferUsages::STORAGE
-                | match self.is_processor {
-                    true => wgpu::BufferUsages::MAP_READ,
-                    false => wgpu::BufferUsages::COPY_SRC,
-                },
+            usage: wgpu::BufferUsages::STORAGE | way_out,
             mapped_at_creation: false,
         })
     }

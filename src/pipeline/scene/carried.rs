@@ -21,8 +21,7 @@ const SCENE: &str = "scene.toml";
 const FILE: Limit = Limit {
     bytes: 128 << 20,
     what: "a plan or a flight",
-    hint: "cut it, or remove some of its \
-         rows",
+    hint: "cut it, or remove some of its rows",
 };
 
 /// Text of a scene that came with a file.
@@ -115,11 +114,8 @@ impl CarriedScene {
         if Self::of_all(files)?.is_some_and(|now| now.toml == self.toml) {
             return Ok(());
         }
-        let (actual, wanted) = (
-            "a scene that has just changed",
-            "a scene and files that do not \
-             change",
-        );
+        let actual = "a scene that has just changed";
+        let wanted = "a scene and files that do not change";
         Err(Error::input(&*self.file, actual, wanted, "try again"))
     }
 

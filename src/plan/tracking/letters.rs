@@ -71,9 +71,11 @@ mod tests {
         let mut flown = flight(
             0.01,
             12.0,
-            |time_s| match time_s < 6.0 {
-                true => design(time_s),
-                false => design(time_s - 0.2) + Vector3::new(0.0, -0.03, 0.0),
+            |time_s| {
+                if time_s < 6.0 {
+                    return design(time_s);
+                }
+                design(time_s - 0.2) + Vector3::new(0.0, -0.03, 0.0)
             },
             design,
         );
