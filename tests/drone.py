@@ -289,8 +289,7 @@ class Radio:
 
     def hush(self, notice_s, passes=0):
         """Silences both directions of the link, which cflib detects only after 100 packets (0.3 s with one drone). If
-        only
-        the acknowledgments are lost, the drone receives one more packet, which the driver repeats."""
+        only the acknowledgments are lost, the drone receives one more packet, which the driver repeats."""
         self.is_lost, self.passes = True, passes
         self.clock.after(notice_s, lambda: self.lose() if self.is_lost else None)
 

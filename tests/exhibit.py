@@ -119,8 +119,7 @@ def no_keystroke_hangs(hall, sessions=12):
 
 def a_photograph_that_takes_long_comes(hall):
     """Simulates a busy machine, on which a photograph that takes 20 s would never be finished if it were requested
-    again
-    after 15 s."""
+    again after 15 s."""
     page, trouble = opened(hall.browser, "about:blank", viewport=PHONE)
     page.clock.install()
     page.goto(hall.page)

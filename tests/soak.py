@@ -22,8 +22,7 @@ def memory_mb(numbers):
 
 def measured(browser, server, page):
     """Returns the memory of the server with its workers and of Chromium's pages in MB, and the kiosk's objects in MB,
-    nodes
-    and listeners."""
+    nodes and listeners."""
     of_browser, of_page = browser.new_browser_cdp_session(), page.context.new_cdp_session(page)
     of_page.send("HeapProfiler.collectGarbage")
     of_page.send("Performance.enable")

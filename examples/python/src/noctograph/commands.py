@@ -59,9 +59,8 @@ def command(verb: str, *inputs: Any, **options: Any) -> Report:
     *inputs : str, path, Scene, Flight, Plan or Shot
         Inputs of the command. Objects are passed as files.
     **options
-        Options of the command, such as ``max_gap=0.5`` for ``--max-gap=0.5``. Pass ``True`` for a flag without a
-        value, a
-        list for a flag that is repeated, a dict for ``set``, and objects as for `inputs`.
+        Options of the command, such as ``max_gap=0.5`` for ``--max-gap=0.5``. Pass ``True`` for a flag without a value,
+        a list for a flag that is repeated, a dict for ``set``, and objects as for `inputs`.
 
     Returns
     -------
@@ -316,8 +315,7 @@ def locate(*ranges: PathLike, output: PathLike | None = None, **options: Any) ->
     output : path, optional
         Folder for the positions and plots. Without it, ``report.files`` contains them.
     **options
-        Options of ``noctograph locate``, such as ``anchors="anchors.yaml"``. For the map of the shared-anchor
-        observer,
+        Options of ``noctograph locate``, such as ``anchors="anchors.yaml"``. For the map of the shared-anchor observer,
         pass ``region=True`` and a `scene`, without ranges.
 
     Returns
@@ -343,8 +341,7 @@ def coverage(scene: Scene | str, *, output: PathLike | None = None, **options: A
     -------
     Report
         Report with ``report["bound_m"]``, the smallest error that ranges allow (1 σ over three axes, in m), and with
-        the bound
-        of each letter.
+        the bound of each letter.
     """
     return _with_files("coverage", scene=scene, output=output, name="coverage.svg", **options)
 
@@ -365,9 +362,8 @@ def gains(scene: Scene | str, **options: Any) -> Report:
         ``report["A"]`` (12, 12) and ``["B"]`` (12, 4) describe the drone at hover, with ẋ = A x + B u for small
         deviations.
         ``["K"]`` of the regulator and ``["L"]`` of the observer are lists of rows. ``["states"]`` and ``["inputs"]``
-        name
-        the columns and rows. A, the poles and the margins include the drag of the air, whereas K and L are designed
-        without it. The report also contains the poles, the margins and ``["bryson_r"]``.
+        name the columns and rows. A, the poles and the margins include the drag of the air, whereas K and L are
+        designed without it. The report also contains the poles, the margins and ``["bryson_r"]``.
     """
     return command("gains", scene=scene, **options)
 

@@ -57,8 +57,7 @@ MOST_BYTES = 1 << 20
 @dataclass(frozen=True)
 class Limits:
     """Limits of a controller in Python for a word: wall time of one step of all its flights, which fly together, and
-    of
-    loading, total wall time and CPU time, all in s, and memory in MB."""
+    of loading, total wall time and CPU time, all in s, and memory in MB."""
 
     step_s: float = 5.0
     load_s: float = 60.0

@@ -136,8 +136,7 @@ def descend(wire: socket.socket, libc: ctypes.CDLL) -> None:
 
 
 def shut_off(wire: socket.socket, shown: list[str], own: str) -> str:
-    """Removes access to network, files and other processes as far as the system allows. Returns what it does not
-    allow.
+    """Removes access to network, files and other processes as far as the system allows. Returns what remains possible.
 
     Only the shown files, read-only, and the submission's own folder remain.
     """
@@ -179,8 +178,7 @@ def shut_off(wire: socket.socket, shown: list[str], own: str) -> str:
 
 def handed_in(code: CodeType, scene: Scene) -> tuple[Any, Any]:
     """Imports a submission anew. Returns `controller` or `Controller`, else the last class or function that can be
-    one,
-    created for a flight, and `estimator` or `Estimator`."""
+    one, created for a flight, and `estimator` or `Estimator`."""
     random.seed(0)
     np.random.seed(0)
     sys.modules["submission"] = ModuleType("submission")

@@ -248,10 +248,9 @@ def fly_many(
         Seeds of the noise and of the conditions. A number S stands for the seeds from 0 to S − 1.
     gains : array_like (N, 4, 12) or (N, 4, 16), optional
         Gains K of linear controllers, u = u_hover − K (x − x_ref), to fly in a single scene, or (N, 4, 15) with
-        integrals
-        of the position. The rows are the torques about x, y, z (N m) and the thrust (N). The columns are position (m,
-        world), yaw, pitch, roll (rad), velocity (m/s) and angular velocity (rad/s) in the body frame. Four further
-        columns, as in `Scene.gain`, feed back the modeled rotors.
+        integrals of the position. The rows are the torques about x, y, z (N m) and the thrust (N). The columns are
+        position (m, world), yaw, pitch, roll (rad), velocity (m/s) and angular velocity (rad/s) in the body frame. Four
+        further columns, as in `Scene.gain`, feed back the modeled rotors.
     controller : callable or type, optional
         Your own controller for one drone, as for `fly`: ``controller(state, reference)``, or ``controller(state,
         reference, time_s)``. All flights advance in step, so pass a controller with internal state as its class. An
@@ -260,16 +259,13 @@ def fly_many(
         Your own estimator for one drone, as for `fly`, which is created for each flight.
     vectorized : bool
         True if the controller processes all flights at once, as arrays (N, 12), (N, 9) and (N,), and returns (N, 4).
-        This
-        is as fast as the simulator itself. The rows of flights that have ended are 0.
+        This is as fast as the simulator itself. The rows of flights that have ended are 0.
     conditions : {"still", "room", "drone"} or path
         What varies from seed to seed: only the noise, or also drafts, battery and light of a room, or the drone as
-        well, or
-        the conditions in a TOML file.
+        well, or the conditions in a TOML file.
     progress : bool or callable
         True to show a progress bar (by tqdm if it is installed, else as text), or a function that is called with the
-        numbers
-        of finished and of all flights.
+        numbers of finished and of all flights.
 
     Returns
     -------
@@ -322,8 +318,7 @@ def rank(
     ----------
     scenes : dict of str to Scene or tuple
         The contenders by name. ``(scene, controller)`` flies your own controller, as in `fly_many`, and ``(scene,
-        controller,
-        estimator)`` also your own estimator. A controller of None stands for the scene's.
+        controller, estimator)`` also your own estimator. A controller of None stands for the scene's.
     vectorized : bool
         As for `fly_many`, for all controllers.
     words : sequence of str, or dict of str to int, optional
@@ -340,8 +335,7 @@ def rank(
         controllers with a P(read) above 0.96.
     folder : path, optional
         Folder that stores the flights, so that the next call simulates only new ones. Flights of your own class are
-        stored
-        word by word, as long as the file that defines the class is unchanged. Flights of other callables are not
+        stored word by word, as long as the file that defines the class is unchanged. Flights of other callables are not
         stored.
     progress : bool or callable
         As for `fly_many`.
@@ -350,8 +344,7 @@ def rank(
     -------
     Report
         Report with the keys of ``noctograph rank --json``, and ``report["flights"]``. ``report.files`` contains the
-        tables as
-        CSV.
+        tables as CSV.
     """
     if not isinstance(scenes, Mapping):  # pyright: ignore[reportUnnecessaryIsInstance]
         hint = 'a dict names them: rank({"mine": scene, "theirs": other})'
@@ -424,15 +417,13 @@ def tune(
         As for `rank`.
     callback : callable, optional
         Function that is called with the number of flights so far and the best candidate, a dict. The search ends if
-        the
-        function returns False. An exception of the function is passed on.
+        the function returns False. An exception of the function is passed on.
 
     Returns
     -------
     Scene
         The tuned scene if it is distinguishably better on new seeds (``report["helped"]``), otherwise the scene from
-        which
-        the search started.
+        which the search started.
     Report
         Report with the keys of ``noctograph tune --json`` and all candidates.
     """
