@@ -144,7 +144,7 @@ pub struct DrawnSource {
 /// A stroke of a drawing's file.
 #[derive(Debug, Serialize)]
 pub struct DrawnStroke {
-    /// Coordinates of the points in the order x, y, x, y … …
+    /// Coordinates of the points in the order x, y, x, y …
     #[serde(rename = "at")]
     pub coordinates: Vec<i64>,
     /// Name of the stroke's color.

@@ -43,7 +43,7 @@ pub struct LightMap {
 #[derive(Debug, Serialize)]
 pub struct MappedStroke {
     /// Points in the order t, x, y, t, x, y …, with t in 1/100 s, and x and y in 1/10000 of the
-    /// photo. …
+    /// photo.
     #[serde(rename = "at")]
     pub points: Vec<i64>,
     /// Index of the letter that the stroke is part of, or null in a drawing.
