@@ -11,12 +11,13 @@ use syn::{
 };
 
 /// Rust files that contain the declarations.
-const FILES: [&str; 13] = [
+const FILES: [&str; 14] = [
     "core/diagnostic.rs",
     "score/calibration.rs",
     "score/causes.rs",
     "score/verdict.rs",
     "serve/entries.rs",
+    "serve/entries/flown.rs",
     "serve/gallery.rs",
     "studies/outcome.rs",
     "studies/statistics.rs",

@@ -111,7 +111,7 @@ interface DrawnSource {
 
 /** A stroke of a drawing's file. */
 interface DrawnStroke {
-  /** Coordinates of the points in the order x, y, x, y … … */
+  /** Coordinates of the points in the order x, y, x, y … */
   at: number[];
   /** Name of the stroke's color. */
   color: string | null;
@@ -266,7 +266,7 @@ interface LiveFacts extends PhotoFacts {
 
 /** Stroke of light as the page receives it. */
 interface MappedStroke {
-  /** Points in the order t, x, y, t, x, y …, with t in 1/100 s, and x and y in 1/10000 of the photo. … */
+  /** Points in the order t, x, y, t, x, y …, with t in 1/100 s, and x and y in 1/10000 of the photo. */
   at: number[];
   /** Index of the letter that the stroke is part of, or null in a drawing. */
   letter: number | null;
