@@ -52,7 +52,7 @@ impl Feature {
     pub const RESET: Self = Self {
         what: "all PID loops are reset when the kind of setpoint changes",
         since: Release::R2026_08,
-        before: "the loops keep their integrals",
+        before: "the loops keep their integral terms",
         source: "`controller_pid.c`; #1645, 5d287434",
         here: "simulator: outages, and landing after full states",
     };
@@ -69,7 +69,7 @@ impl Feature {
     pub const HALF_PRECISION: Self = Self {
         what: "half-precision log values (FP16) keep the carry of their rounding",
         since: Release::R2026_08,
-        before: "values that round up to 0.5, 2, 8, 32 or another 2·4ⁿ are logged as half of that",
+        before: "values that round up to 0.5, 2, 8, 32 or another 2·4ⁿ are logged as half of this value",
         source: "`num.c`, `log.c`; #1647, 887ce819",
         here: "`import`: samples that are half of both neighbors are doubled, with a warning",
     };
@@ -93,7 +93,7 @@ impl Feature {
     pub const LEE: Self = Self {
         what: "Lee's controller, number 5",
         since: Release::R2024_10,
-        before: "number 5 is unassigned or a custom controller, and PID flies on",
+        before: "number 5 is unassigned or a custom controller, and PID remains active",
         source: "`controller_lee.c`; 1f167ea0, 61b14665",
         here: "exports that choose it are refused",
     };
