@@ -48,7 +48,7 @@ def shown(outputs, name):
             printed += output.text if output.name == "stdout" else ""
         elif any(kind.startswith("image/") for kind in data):
             file = picture(data, f"{name}{chr(ord('a') + len(pictures))}")
-            pictures.append(f"![Drawn by the lines above]({file.name})\n")
+            pictures.append(f"![Output of the code above]({file.name})\n")
         else:
             printed += data.get("text/plain", "") + "\n"
     return ([f"```text\n{printed.rstrip()}\n```\n"] if printed.strip() else []) + pictures
