@@ -177,9 +177,17 @@ fn read(args: &CompareArgs, options: &ComparisonOptions) -> Result<[Flight; 2]> 
         };
         let [of_a, of_b] = [apart_m(&a, &b_stamped), apart_m(&a_stamped, &b)];
         if of_a.min(of_b) * CLEARLY > of_a.max(of_b) || of_a == of_b {
-            let actual = "two logs without motors, rates, estimates and setpoints";
-            let hint = "import the drone's log by itself with the ratio, and compare its flight";
-            return Err(Error::input("clock_ratio", actual, "one log of a drone", hint));
+            let actual = "two logs, neither of which contains motors, rates, estimates or \
+                          setpoints";
+            let hint = "import the drone's log separately with this ratio, and compare the \
+                        resulting flight";
+            return Err(Error::input(
+                "clock_ratio",
+                actual,
+                "exactly one log recorded by the drone \
+                                                            itself",
+                hint,
+            ));
         }
         of_a < of_b
     };
@@ -228,11 +236,12 @@ fn in_words(cause: Discrepancy) -> (String, &'static str) {
     match cause {
         Discrepancy::Lag(s) if s > 0.0 => (
             format!("B is {s:.2} s behind A"),
-            "plan with plan.reference=inverse; if only its clock is late, compare with --align flown",
+            "plan with plan.reference=inverse; if only B's clock is late, compare with --align \
+             flown",
         ),
         Discrepancy::Lag(s) => (
             format!("B is {:.2} s ahead of A", -s),
-            "compare with --align flown, which sets B's clock by what was flown",
+            "compare with --align flown, which aligns B's clock with A's by the flown paths",
         ),
         Discrepancy::Offset(m) => (
             format!("B is displaced from A by {:+.3}, {:+.3}, {:+.3} m (x, y, z)", m.x, m.y, m.z),
@@ -246,7 +255,7 @@ fn in_words(cause: Discrepancy) -> (String, &'static str) {
             )
         }
         Discrepancy::Path(m) => (
-            format!("B's path is {:.0} mm away from A's (RMS)", 1e3 * m),
+            format!("B's path is {:.0} mm away from A's path (RMS)", 1e3 * m),
             "measure B's drone and adjust the scene: noctograph identify B",
         ),
         Discrepancy::Noise(m) => (

@@ -83,12 +83,12 @@ fn corners(render: &[ReadLetter], photo: &[ReadLetter]) -> Result<Vec<[[f64; 2];
     if render.is_empty() || render.len() != photo.len() {
         return Err(Error::infeasible(
             format!(
-                "{} letters are read in the render, {} in the photograph: they are laid over each \
-                 other by their letters",
+                "{} letters are read in the render and {} in the photograph, but the pictures are \
+                 aligned letter by letter",
                 render.len(),
                 photo.len()
             ),
-            "compare photographs of the same word; cut the photograph to it",
+            "compare photographs of the same word, or crop the photograph to the word",
         ));
     }
     let pairs = render.iter().zip(photo).flat_map(|(one, other)| {

@@ -59,7 +59,7 @@ pub(super) fn run(
         // File names are shortened so that the rows fit into 80 columns.
         "n_sound": evening.sound().count(), "files": shortened(&names, 16),
         "flawed": flawed.collect::<Vec<_>>(),
-        "none": rows.is_empty().then_some("no log is valid"),
+        "none": rows.is_empty().then_some("none of the logs is valid"),
     });
     let product = json!({ "logs": evening.logs, "conditions": rows, "mean_drone": mean });
     let report = Report::with_words(product, &words, LAYOUT);

@@ -97,9 +97,10 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
         for plan in &plans {
             let [begins_m, ends_m] = end_heights_m(plan)?;
             warn([format!(
-                "the trajectory begins {begins_m:.2} m and ends {ends_m:.2} m above the floor, and there \
-                 the drone hovers until it is told to land or its battery is empty: send the \
-                 commands for take-off and landing yourself, or fly the script for cflib"
+                "the trajectory begins {begins_m:.2} m and ends {ends_m:.2} m above the floor, \
+                 where the drone hovers until it receives a landing command or its battery is \
+                 empty: send the take-off and landing commands yourself, or fly the script for \
+                 cflib"
             )]);
         }
     }
@@ -130,7 +131,7 @@ fn written(files: &[File], output: Option<&Path>, word: &str) -> Result<Vec<Path
 
 const REFUSED: &str = "\
 refused   {stops}
-          nothing was written; `check` tells what to change, and --unchecked writes the files anyway
+          nothing was written; `check` lists the necessary changes, and --unchecked writes the files anyway
 ";
 
 const EXPORTED: &str = "\
@@ -145,8 +146,8 @@ fn check_room(args: &ExportArgs, profile: &Profile) -> Result<()> {
     let has_walls = profile.name != Profile::outdoor().name;
     let plans = args.subject.plans()?.filter(|_| has_walls && profile.room_m.is_none());
     let Some(plan) = plans.as_ref().and_then(|plans| plans.first()) else { return Ok(()) };
-    let hint = "name it with --room WxDxH, or the scene in which the plan was made with --scene; \
-                `plan` and `preview` write the scene beside the plan";
+    let hint = "specify the room with --room WxDxH, or the plan's scene with --scene; `plan` and \
+                `preview` write the scene beside the plan";
     let (actual, wanted) = ("a plan without a room", "the room of the flight");
     Err(Error::input(plan.display(), actual, wanted, hint))
 }
@@ -163,8 +164,8 @@ fn warned(args: &ExportArgs, shoot: &Shoot, checks: &[Diagnostic]) -> Option<Str
         match check.code {
             PICTURE => warn([check.sentence(mentioned)]),
             LED_MEMORY if plays => warn([format!(
-                "the lights take {} of the LED timing memory: the script sends them over the \
-                 radio",
+                "the lights would use {} of the LED timing memory, so the script sends them over \
+                 the radio",
                 check.message
             )]),
             _ => {}
@@ -177,9 +178,9 @@ fn warned(args: &ExportArgs, shoot: &Shoot, checks: &[Diagnostic]) -> Option<Str
 pub(super) fn warn_of_trailing(shoot: &Shoot) {
     if !shoot.scene.controller.kind.follows_reference() {
         warn([
-            "this controller tracks positions, and lags behind a trajectory on board: look at the \
-             result first with `preview --as-exported compressed`, or fly \
-             `--set controller.kind=geometric`",
+            "this controller tracks positions, and lags behind a trajectory on board: preview the \
+             result with `preview --as-exported compressed`, or fly `--set \
+             controller.kind=geometric`",
         ]);
     }
 }

@@ -20,7 +20,7 @@ use noctograph_core::files::{Limit, file_name, files_in, is_file_name};
 const PLANS: Limit = Limit {
     bytes: 64 << 20,
     what: "plans",
-    hint: "plan with longer plan.setpoint_interval_s, or name fewer plans",
+    hint: "increase plan.setpoint_interval_s, or name fewer plans",
 };
 
 /// Parses a setting `KEY=VALUE`.
@@ -40,7 +40,7 @@ pub(super) struct SetFlag {
 /// Flags that select the scene.
 #[derive(Debug, Args)]
 pub(super) struct SceneFlags {
-    /// Scene: a file (TOML), a photo of this program (PNG), a script's log, a plan or flight with
+    /// Scene: a file (TOML), a photo made by this program (PNG), a script's log, a plan or flight with
     /// its scene beside it, a preset, team, pid, geometric, tuned, or a folder with scene.toml
     /// [default: that of the plans, flights or logs that are named]
     #[arg(long, value_name = "SCENE")]
@@ -352,9 +352,9 @@ pub(super) fn read_plans(paths: &[PathBuf], carried: Option<&CarriedScene>) -> R
 fn warn_of_unbound(carried: &CarriedScene) {
     if !carried.is_bound {
         warn([format!(
-            "{}: the scene has no digest of the file beside it (table sha256), so that it may \
-             belong to another plan or flight with another room: write both again, or confirm the \
-             scene with --scene",
+            "{}: the scene contains no digest of the file beside it (table sha256), so it may \
+             belong to another plan or flight with another room: write both files again, or \
+             confirm the scene with --scene",
             carried.file
         )]);
     }
@@ -429,7 +429,8 @@ pub(super) fn warn_of_fewer_drones(shoot: &Shoot) {
     let (wanted, planned) = (shoot.scene.plan.drones as usize, shoot.plans.len());
     if planned < wanted {
         warn([format!(
-            "only {planned} of {wanted} drones fly, because there are no strokes for more"
+            "only {planned} of {wanted} drones fly, because the drawing has too few strokes for \
+             more"
         )]);
     }
 }

@@ -162,8 +162,8 @@ pub(super) fn infer_lights_if_dark(
     let preset = crate::shoot::infer_lights_if_dark(flight, scene).map_err(|error| {
         let hint = format!(
             "name the scene whose letters were flown: `noctograph import {} --word {} --scene \
-             SCENE.toml`; style even flies strokes in another order, which only a log with \
-             lights shows",
+             SCENE.toml`; in style even, the strokes have another order, which only a log with \
+             light commands shows",
             shell_word(path),
             shell_word(scene.word.as_ref()),
         );
@@ -171,7 +171,7 @@ pub(super) fn infer_lights_if_dark(
     })?;
     Ok(preset.map(|preset| {
         let (path, name) = (path.display(), preset.name());
-        let note = "its setpoints are on the letters of";
+        let note = "its setpoints follow the letters of";
         let more = format!("which are used; `--scene {name}` also selects the drone and its lamps");
         format!("{path}: {note} {name}, {more}")
     }))

@@ -35,8 +35,8 @@ struct Letter {
 pub(super) fn prepared(promised: &Shoot, log: &Path) -> Result<Shoot> {
     if promised.plans.len() != 1 {
         let actual = format!("{} drones", promised.plans.len());
-        let hint = "leave --flown out, or name a word of one drone";
-        return Err(Error::input("flown", actual, "a word that one drone writes", hint));
+        let hint = "omit --flown, or name a word for a single drone";
+        return Err(Error::input("flown", actual, "a word written by a single drone", hint));
     }
     let Warned { product, warnings } = Shoot::of_log(promised.scene.clone(), log)?;
     warn_of(log, &warnings);

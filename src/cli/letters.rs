@@ -61,7 +61,7 @@ fn color(text: &str) -> Result<[u8; 4], String> {
     let color: svgtypes::Color =
         text.parse().map_err(|error: svgtypes::Error| format!("{wanted} ({error})"))?;
     if [color.red, color.green, color.blue] == [0; 3] {
-        return Err("black is not a light: give a color that the lamp can show".to_owned());
+        return Err("a lamp cannot show black: choose another color".to_owned());
     }
     Ok(color_led_wrgb([color.red, color.green, color.blue], LEVELS))
 }
@@ -115,7 +115,10 @@ mod tests {
     #[test]
     fn black_is_no_color_of_a_lamp() {
         for black in ["black", "#000", "rgb(0, 0, 0)"] {
-            assert!(color(black).is_err_and(|error| error.contains("not a light")), "{black}");
+            assert!(
+                color(black).is_err_and(|error| error.contains("cannot show black")),
+                "{black}"
+            );
         }
         assert!(color("red").is_ok_and(|[_, r, g, b]| r > 4 * g.max(b)), "{:?}", color("red"));
     }

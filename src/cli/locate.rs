@@ -356,7 +356,7 @@ fn start_m(flight: &Flight) -> Result<Vector3<f64>> {
     let first = flight.samples.first().filter(|_| flight.has(Quantity::Position));
     first.map(|sample| sample.position_m).ok_or_else(|| {
         let wanted = "positions, from which the observer starts";
-        let hint = "log stateEstimate.x, y and z too, or take --observer smooth";
+        let hint = "also log stateEstimate.x, y and z, or use --observer smooth";
         Error::input("columns", "no position", wanted, hint)
     })
 }
@@ -364,7 +364,7 @@ fn start_m(flight: &Flight) -> Result<Vector3<f64>> {
 /// Returns the velocities in a log, in the world frame.
 fn track(log: &Dated<'_>) -> Result<Track> {
     if !log.flight.has(Quantity::Velocity) {
-        let hint = "log stateEstimate.vx, vy and vz too, or take --observer smooth";
+        let hint = "also log stateEstimate.vx, vy and vz, or use --observer smooth";
         return Err(Error::input("columns", "no velocity", "the motion of the drone", hint));
     }
     let world = |s: &FlightSample| s.attitude.world_from_body() * s.velocity_body_m_s;
@@ -433,6 +433,7 @@ fn room(text: &str) -> std::result::Result<Room, String> {
         low_m: Vector3::new(left, front, bottom),
         high_m: Vector3::new(right, back, top),
     });
-    let wanted = "wanted the least x, y, z and the greatest in meters, such as -2,-2,0,2,2,2.4";
+    let wanted = "wanted the minimum x, y, z and the maximum x, y, z in meters, such as \
+                  -2,-2,0,2,2,2.4";
     room.filter(|room| (room.high_m - room.low_m).min() > 0.0).ok_or_else(|| wanted.to_owned())
 }

@@ -25,8 +25,8 @@ const STARTS: u32 = 40;
 pub(super) fn region(scene: Scene) -> Result<Report> {
     let uwb = scene.sensors.uwb.clone();
     let Some(anchors) = shared_anchor(&uwb.heard) else {
-        let hint = "take the scene two-drones-three-anchors";
-        let wanted = "two drones that hear two anchors each, one of them the same";
+        let hint = "use the scene two-drones-three-anchors";
+        let wanted = "two drones that receive two anchors each, one of which is common to both";
         let actual = format!("{:?}", uwb.heard);
         return Err(Error::input("sensors.uwb.heard", actual, wanted, hint));
     };

@@ -363,7 +363,7 @@ fn main_stack() -> Option<usize> {
 fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
     if threads > MAX_THREADS {
         let wanted = format!("at most {MAX_THREADS}");
-        return Err(Error::input("threads", threads, wanted, "0 takes one for each core"));
+        return Err(Error::input("threads", threads, wanted, "0 starts one thread per core"));
     }
     // A number that the user typed is never reduced. The default number is halved until the system
     // starts all threads.
@@ -382,11 +382,15 @@ fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) 
     if let Some(pool) = fewer.find_map(|n| pool(n).ok()) {
         let n = pool.current_num_threads();
         if n < cores {
-            message("note: ", &format!("the system starts {n} of {cores} threads"));
+            message("note: ", &format!("the system allows only {n} of {cores} threads"));
         }
         return pool.install(work);
     }
-    message("note: ", "the system starts no threads, so a single thread does all the work");
+    message(
+        "note: ",
+        "the system allows no additional threads, so a single thread does all the \
+                       work",
+    );
     let present = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread();
     present.build_global().map_err(|error| {
         let hint = "allow more processes (ulimit -u)";

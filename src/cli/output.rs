@@ -34,9 +34,9 @@ impl Outputs {
     /// default) with its scene beside it, and for several drones a folder (`kinds` by default).
     pub(super) fn create(path: Option<&Path>, kind: &'static str, n_drones: usize) -> Result<Self> {
         if let Some(path) = path.filter(|path| n_drones > 1 && is_csv(path) && !path.is_dir()) {
-            let (actual, hint) = (format!("a file for {n_drones} drones"), "leave out .csv");
+            let (actual, hint) = (format!("a single file for {n_drones} drones"), "leave out .csv");
             let place = path.display().to_string();
-            return Err(Error::input(place, actual, "a folder for a file of each", hint));
+            return Err(Error::input(place, actual, "a folder for one file per drone", hint));
         }
         let path_or = |default: String| path.map_or_else(|| default.into(), Path::to_owned);
         // Files are opened before the long computation, to refuse an unwritable path early.

@@ -27,7 +27,7 @@ pub(super) struct ReportArgs {
 
 /// Size limit for a drawing or a table.
 const LIMIT: Limit =
-    Limit { bytes: 8 << 20, what: "a drawing or table", hint: "take it out of the folder" };
+    Limit { bytes: 8 << 20, what: "a drawing or table", hint: "remove it from the folder" };
 /// Maximum number of files in a page.
 const MAX_FILES: usize = 40;
 /// Maximum number of rows of a table in a page.
@@ -78,7 +78,10 @@ pub(super) fn run(args: &ReportArgs) -> Result<Report> {
     let product = json!({ "shown": shown, "not_shown": others });
     let report = Report::with_words(product, &words, LAYOUT);
     if let Some(more) = more {
-        page = page.text(&format!("Left out: {more} files more than the {MAX_FILES} of a page"));
+        page = page.text(&format!(
+            "{more} files are left out, because a page shows at most \
+                                   {MAX_FILES}"
+        ));
     }
     let file = output.keep(page.html())?;
     Ok(report.with_files(&[file]))
@@ -86,7 +89,7 @@ pub(super) fn run(args: &ReportArgs) -> Result<Report> {
 
 const LAYOUT: &str = "\
 shown     {names}
-left out  {more} files more than the {most} of a page
+left out  {more} files, because a page shows at most {most}
 not shown\t{others}
 ";
 
@@ -136,7 +139,7 @@ fn add(page: Page, path: &Path, name: &str) -> Result<Page> {
 fn table(page: Page, path: &Path) -> Result<Page> {
     let broken = |error: csv::Error| {
         let place = path.display().to_string();
-        Error::input(place, error, "a table (CSV)", "take it out of the folder")
+        Error::input(place, error, "a table (CSV)", "remove it from the folder")
     };
     let bytes = LIMIT.read(path)?;
     let text = Text::decode(&bytes);
@@ -161,7 +164,7 @@ fn table(page: Page, path: &Path) -> Result<Page> {
         return Ok(page.rows(&columns[0], &columns[1..]));
     }
     let page = page.rows(&head, &rows);
-    Ok(if left_out > 0 { page.text(&format!("and {left_out} rows more")) } else { page })
+    Ok(if left_out > 0 { page.text(&format!("and {left_out} more rows")) } else { page })
 }
 
 /// Returns a number rounded to four decimals, or any other cell unchanged.

@@ -94,7 +94,7 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
         set_word(&mut scene, word);
     }
     if !scene.has_strokes() {
-        let hint = "name it after the photo, or name the scene that wrote it";
+        let hint = "name the word after the photo, or name the scene of the photo";
         return Err(Error::input("word", "none", "the word that the photo should show", hint));
     }
     let strokes = scene.strokes()?;

@@ -98,8 +98,8 @@ fn serve(args: &ServeArgs, program: Program) -> Result<()> {
         flights: args.flights.clone(),
     };
     if args.module.is_some() && !is_whole {
-        warn(["the scene uses files of this machine, so that photos are made here and not by \
-             --module"]);
+        warn(["the scene uses files on this machine, so photos are made here instead of by \
+               --module"]);
     }
     noctograph_serve::serve(config, program, |addresses| announce(args, addresses, has_room))
 }
@@ -156,14 +156,18 @@ fn table(args: &ServeArgs, page: &str, addresses: &Addresses, has_room: bool) ->
     // The network address is followed by a line that says what it allows.
     let mut text = line("page", page);
     if args.network && addresses.network.is_none() {
-        text += &line("network", "none: connect this machine to one, and start again");
+        text += &line(
+            "network",
+            "none: connect this machine to a network, and start the server \
+                                  again",
+        );
     }
     if let Some([visitors, kiosk]) = &addresses.network {
         if args.kiosk {
             text += &line("kiosk", kiosk);
         }
         text += &line("network", visitors);
-        text += &line("", "whoever has this address may write, draw and send");
+        text += &line("", "anyone who has this address may write, draw and send");
         if !has_room {
             let hint = "not known, so the scripts' fence is a guess: name a scene with a room by \
                         --scene, as `preview WORD --room WxDxH` writes it";
@@ -171,7 +175,7 @@ fn table(args: &ServeArgs, page: &str, addresses: &Addresses, has_room: bool) ->
         }
     }
     text += &line("operator", &addresses.operator);
-    let wall = if args.open_wall { "what is sent" } else { "what the operator approved" };
+    let wall = if args.open_wall { "what is sent" } else { "entries that the operator approved" };
     text += &line("wall", &format!("shows {wall}"));
     text += &line("", "Ctrl-C ends it");
     if let Some([visitors, kiosk]) =

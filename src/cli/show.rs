@@ -58,20 +58,18 @@ fn in_one_line(text: &str) -> String {
 
 fn in_words(reason: Reason, verdict: &Verdict) -> String {
     let text = match reason {
-        Reason::NotInPhoto => "the photo does not show the intended place of the word",
-        Reason::NoLight => "there is no light at the intended place of the word",
+        Reason::NotInPhoto => "the photo does not show the intended position of the word",
+        Reason::NoLight => "there is no light at the intended position of the word",
         Reason::TooSmall => "the letters are smaller than 20 pixels",
         Reason::OutOfRange => {
-            "the word is too far from its intended place, or too large or too small"
+            "the word is too far from its intended position, or too large or too small"
         }
         Reason::OtherLength => "the photo shows a word of another length",
         Reason::Misread => match verdict.rival.as_ref().filter(|rival| rival.p > 0.5) {
             Some(rival) => return format!("{} is likelier", in_one_line(&rival.word)),
             None => "a letter looks like a different letter, or like no letter",
         },
-        Reason::Unsure => {
-            "each letter is the likeliest at its place, but the readability is too low"
-        }
+        Reason::Unsure => "every letter is likeliest as intended, but the readability is too low",
     };
     text.to_owned()
 }

@@ -53,8 +53,8 @@ impl SpreadFlags {
         let band = spread(shoot, conditions, n, &counter("flying", 2 * n))?;
         if n < LEAST_FLIGHTS {
             warn([format!(
-                "{n} flights are too few for a band of 90 % of further flights, which takes \
-                 {LEAST_FLIGHTS}: this band holds the {n} flights"
+                "a band for 90 % of further flights requires at least {LEAST_FLIGHTS} flights: \
+                 this band only contains the {n} simulated flights"
             )]);
         }
         let mut drawings = vec![spread_front(&band)];

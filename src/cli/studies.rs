@@ -101,7 +101,7 @@ fn is_path(named: &str) -> bool {
 const LIST: Limit = Limit {
     bytes: 1 << 20,
     what: "a list of words or conditions",
-    hint: "split it, or shorten it",
+    hint: "split the list, or shorten it",
 };
 
 /// Opens the store of flights in a folder, and prints a note if it already contains flights.
@@ -239,12 +239,12 @@ acuity: cap height at which half of the letters are read, by {n_ladder} flights 
 |limits|<4|scene<16|acuity/mm>9|  interval<16|contour/mm>11
  {place}|{name}|{height.value*1e3:.1}|  {height.low*1e3:.1} to {height.high*1e3:.1}|{contour_m*1e3:.1}
 
-too few flights: with {few} each, {n_scenes} scenes cannot be told apart; at least {least_flights} are needed
+too few flights: with {few} each, {n_scenes} scenes cannot be distinguished; at least {least_flights} are needed
 
 {all} are distinguishable from each other
 NOT distinguishable ({differ} in P(read), interval for all pairs together):
 *alike   {pairs.#.0} and {pairs.#.1}: {difference.value:+.4}, {difference.low:+.4} to {difference.high:+.4}
-  and {n_more} pairs more: ranking.json
+  and {n_more} more pairs in ranking.json
 
 ";
 

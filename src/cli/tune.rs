@@ -120,8 +120,8 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
             if needed > 1.0 {
                 let budget = &args.budget;
                 warn([format!(
-                    "{budget} is too short: {least_flights} flights, the least, take about \
-                     {needed:.1} of it"
+                    "{budget} is too short: the minimum of {least_flights} flights takes about \
+                     {needed:.1} times as long"
                 )]);
             }
         }
@@ -151,8 +151,8 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
 fn origin(args: &TuneArgs, tuned: &Tuned) -> String {
     let what = if tuned.helped() { "Tuned from" } else { "Nothing better was found than" };
     format!(
-        "# {what} `{}` by noctograph {}: {} candidates in {} flights, seed {}.\n# In the finals the \
-         best was read with probability {:.3}, the scene as it was with {:.3}.\n",
+        "# {what} `{}` by noctograph {}: {} candidates in {} flights, seed {}.\n# In the finals, \
+         P(read) was {:.3} for the best candidate and {:.3} for the original scene.\n",
         without_folders(&args.scene),
         env!("CARGO_PKG_VERSION"),
         tuned.candidates.len(),
@@ -166,7 +166,7 @@ fn origin(args: &TuneArgs, tuned: &Tuned) -> String {
 fn plot(tuned: &Tuned) -> String {
     // A candidate that lost every drone has no flight time, and is plotted at 0 s.
     let pace_and_legibility = |c: &Candidate| (c.duration_s.unwrap_or(0.0), c.legibility);
-    let (start, candidates) = tuned.candidates.split_first().expect("the scene as it was is one");
+    let (start, candidates) = tuned.candidates.split_first().expect("the original scene is one");
     let (within, others): (Vec<_>, Vec<_>) =
         candidates.iter().partition(|c| !c.given_up && c.broken == 0.0);
     let [within, others] =
@@ -197,7 +197,7 @@ pub fn tuning_report(
     let words = json!({
         "given_up": tuned.candidates.iter().filter(|c| c.given_up).count(), "changes": changes,
         "best": tuned.test.is_none().then_some("nothing found"),
-        "kept": (tuned.test.is_some() && !tuned.helped()).then_some("the scene as it was"),
+        "kept": (tuned.test.is_some() && !tuned.helped()).then_some("the original scene"),
     });
     let mut report = Report::with_words(product, &words, LAYOUT);
     // The tests use new seeds and new words, because the results on the training seeds are biased

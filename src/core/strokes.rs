@@ -122,7 +122,7 @@ impl Rules for StrokesData {
         let (n, colors) = (self.glyphs.len(), self.colors.len());
         if colors != 0 && colors != n {
             let (actual, wanted) = (format!("{colors} colors"), format!("{n}, one for each glyph"));
-            return Err(Error::input("colors", actual, wanted, "give each glyph its color"));
+            return Err(Error::input("colors", actual, wanted, "give one color per glyph"));
         }
         // The cell and the moves of each glyph are checked together.
         for (row, Glyph { cell, moves, .. }) in self.glyphs.iter().enumerate() {

@@ -191,7 +191,7 @@ fn timing_data(plan: &Plan, lights: &[Command]) -> Option<Value> {
 fn trajectory(job: &Job<'_>, drone: usize) -> Result<Compressed> {
     if job.trajectory_clock != 1.0 {
         let wanted = "1 for a trajectory on board";
-        let hint = "plan with 1, because the script finds the clock of the drone";
+        let hint = "plan with 1, because the script measures the drone's clock";
         return Err(Error::input("plan.trajectory_clock", job.trajectory_clock, wanted, hint));
     }
     let (plan, release) = (&job.plans[drone], job.sim.vehicle.firmware);

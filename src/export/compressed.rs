@@ -282,7 +282,7 @@ fn check_range(stretch: &Stretch) -> Result<()> {
         let step_s = stretch.time_s(index) - stretch.time_s(index.saturating_sub(1));
         if step_s > MAX_PIECE_S {
             return Err(Error::infeasible(
-                format!("a piece lasts {MAX_PIECE_S} s at most, not {step_s:.1} s"),
+                format!("a piece may last at most {MAX_PIECE_S} s, not {step_s:.1} s"),
                 "plan setpoints at shorter intervals",
             ));
         }

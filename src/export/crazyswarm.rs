@@ -81,7 +81,7 @@ fn firmware(job: &Job<'_>) -> Result<(u32, Platform)> {
     let (kind, clock) = (job.sim.controller.kind, job.trajectory_clock);
     // Lamps are timed under the scene's controller, so no other controller may be used.
     let Some(controller) = firmware_controller(kind) else {
-        let wanted = "pid or geometric (Lee's): controllers that the drone's firmware has";
+        let wanted = "pid or geometric (Lee's), which the drone's firmware contains";
         let hint = "choose one of these, or fly your own controller with the script for cflib";
         return Err(Error::input("controller.kind", kind.name(), wanted, hint));
     };
@@ -91,7 +91,7 @@ fn firmware(job: &Job<'_>) -> Result<(u32, Platform)> {
         return Err(Error::input("preset", drone, "a Crazyflie", hint));
     };
     if clock != 1.0 {
-        let hint = "plan with 1, because the script paces the trajectory by the firmware's release";
+        let hint = "plan with 1, because the script adapts the trajectory to the firmware's clock";
         return Err(Error::input("plan.trajectory_clock", clock, "1 for Crazyswarm2", hint));
     }
     Ok((controller, platform))

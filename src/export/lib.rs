@@ -113,14 +113,15 @@ impl Format {
     pub fn note(self) -> Option<&'static str> {
         match self {
             Self::Skyc => Some(
-                "for viewers: lights and positions are on one clock, in true seconds, and colors are \
-                 a screen's. It cannot drive the lamps of a Crazyflie as it is: headlights and \
-                 the color LED deck have no part in Skybrush's light program, and a trajectory on \
-                 board is 1.2 % slow up to and with firmware 2026.08. Fly the script for cflib.",
+                "for viewers only: lights and positions use one clock in true seconds, and colors \
+                 are screen colors. The show cannot drive the lamps of a Crazyflie: Skybrush's \
+                 light program supports neither headlights nor the color LED deck, and a \
+                 trajectory on board is 1.2 % slow up to firmware 2026.08. Fly the script for \
+                 cflib.",
             ),
             Self::Vviz => Some(
-                "for viewers: it flies no drone and drives no lamp. Lights and positions are \
-                 on one clock, and colors are a screen's.",
+                "for viewers only: the show flies no drone and drives no lamp. Lights and \
+                 positions use one clock, and colors are screen colors.",
             ),
             _ => None,
         }

@@ -80,7 +80,7 @@ impl Stretch {
         if let Some(low) = setpoints.iter().find(|setpoint| setpoint.on_floor()) {
             let (z_m, time_s) = (low.position_m.z, low.time_s);
             let what = format!(
-                "the letters or the run-up to them reach down to {z_m:.2} m at {time_s:.1} s"
+                "the letters or the approach to them reach down to {z_m:.2} m at {time_s:.1} s"
             );
             let hint = "write higher (letters.baseline_m) or slower (plan.stroke_speed_m_s)";
             return Err(Error::infeasible(what, hint));

@@ -25,7 +25,7 @@ const ROUNDING_PER_M: f64 = 1e4;
 pub(super) fn show(job: &Job<'_>) -> Result<File> {
     if let Some(plan) = job.plans.iter().find(|plan| plan.yaw_rad != 0.0) {
         let wanted =
-            "0 for VVIZ, because no document defines the zero and the sense of its headings";
+            "0 for VVIZ, because no document defines the zero and the direction of its headings";
         let hint = "export a show for Skybrush, which has headings, or plan with 0";
         return Err(Error::input("plan.yaw_rad", plan.yaw_rad, wanted, hint));
     }

@@ -54,8 +54,7 @@ impl Font {
             // typefaces.
             #[cfg(target_family = "wasm")]
             Kind::Outlines => {
-                let (wanted, hint) =
-                    ("a font of the program", "use the program, which reads font files");
+                let (wanted, hint) = ("a built-in font", "use the program, which reads font files");
                 return Err(Error::input("letters.font", name, wanted, hint));
             }
             #[cfg(not(target_family = "wasm"))]
@@ -139,7 +138,7 @@ pub(super) fn check_name(key: &str, name: &str) -> Result<Kind> {
         _ => {
             let names = FONTS.map(|(name, _)| name).join(", ");
             let wanted = format!("{names}, or a file *.strokes, *.ttf or *.otf");
-            let hint = "choose a font of the program, or name a font file";
+            let hint = "choose a built-in font, or name a font file";
             Err(Error::input(key, format!("{name:?}"), wanted, hint))
         }
     }

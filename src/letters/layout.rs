@@ -198,8 +198,9 @@ fn refused(part: &str, font: &Font, n_before: usize, unset: Unset) -> Error {
         // Letters that touch are traced as a single outline.
         Unset::TooLarge(_, n) => input_error!(
             place,
-            "{n} letters in a row that touch each other",
-            "fewer: they are one outline, of at most {MAX_POINTS} points",
+            "{n} consecutive letters that touch each other",
+            "fewer letters, because touching letters form one outline of at most {MAX_POINTS} \
+             points",
             "put a space or a line end between them",
         ),
     }

@@ -92,7 +92,7 @@ type Part = (GlyphId, [i32; 2]);
 impl Typeface {
     /// Reads a face. In a collection, the first face is read.
     pub(super) fn read(bytes: Vec<u8>, trace: Trace, file: &str) -> Result<Self> {
-        let budget = Budget::new(file, "name another font file, or a font of the program");
+        let budget = Budget::new(file, "name another font file, or a built-in font");
         let face = Font::new(bytes, 0).ok_or_else(|| refused(file, "another file"))?;
         let traced = Mutex::new(Traced { shapes: BTreeMap::new(), budget });
         let (cap, half_width, has_stems, is_stored) = (1.0, 0.0, false, false);

@@ -168,7 +168,8 @@ fn anchors_of_links(samples: &[RangeSample]) -> Result<[usize; 3]> {
     // Without the range between the drones, the observer cannot use the shared anchor.
     shared_anchor(&heard).filter(|_| between).ok_or_else(|| {
         let wanted =
-            "two anchors per drone, one of them the same, and the range between the drones";
+            "two anchors per drone, one of which is common to both, and the range between the \
+             drones";
         let anchors = format!("anchors {:?} and {:?}", heard[0], heard[1]);
         Error::input("ranges", anchors, wanted, "choose --observer smooth or enlarged")
     })

@@ -111,7 +111,7 @@ pub fn check_count(n: usize) -> Result<()> {
     if n <= MOST_RANGES {
         return Ok(());
     }
-    let wanted = format!("at most {:.1} million of all drones", MOST_RANGES as f64 / 1e6);
+    let wanted = format!("at most {:.1} million ranges of all drones", MOST_RANGES as f64 / 1e6);
     Err(Error::input("ranges", "more ranges", wanted, FEWER))
 }
 
@@ -185,7 +185,8 @@ pub(super) fn checked(
         if !sample.is_measurement() {
             let wanted = "a distance from 0 m to 10 km";
             let n_broken = samples.iter().filter(|sample| !sample.is_measurement()).count();
-            let hint = format!("remove what is not a measurement, {n_broken} of {}", samples.len());
+            let hint =
+                format!("remove values that are not measurements, {n_broken} of {}", samples.len());
             return Err(Error::input(place, distance_m, wanted, hint));
         }
         let is_listed = match *link {
@@ -302,7 +303,7 @@ mod tests {
         let mut line = anchors_m(3);
         (line[0], line[1], line[2]) = (Vector3::x(), Vector3::x() * 2.0, Vector3::x() * 3.0);
         let three = log(&to_anchors(0, 0..3), 6, 0.0, 2);
-        assert!(refused(&line, 1, &three).contains("direction open"), "a line");
+        assert!(refused(&line, 1, &three).contains("direction undetermined"), "a line");
         for distance_m in [-1.0, 0.0, f64::NAN, f64::INFINITY] {
             let mut broken = three.clone();
             broken[7].distance_m = distance_m;

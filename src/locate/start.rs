@@ -68,8 +68,8 @@ pub(super) fn start(
     let eigen = information.clone().symmetric_eigen();
     if eigen.eigenvalues.min() < UNOBSERVABLE * eigen.eigenvalues.max() {
         return Err(Error::infeasible(
-            "the links leave a direction open at the start: the anchors lie in a line, or in a \
-                   plane with the drone",
+            "the links leave one direction undetermined at the start: the anchors lie on a line, \
+             or in a plane with the drone",
             "place an anchor off that line or plane",
         ));
     }

@@ -39,7 +39,7 @@ pub fn doubts(flight: &Flight) -> Vec<Diagnostic> {
     let (are_degrees, why) = plain_csv::are_degrees(&block);
     let why = why.filter(|_| are_degrees && flight.has(Quantity::Attitude));
     let angles = why.map(|why| {
-        let text = "are they degrees, or of a quaternion whose parts are in another order?";
+        let text = "are they degrees, or from a quaternion with another order of components?";
         Diagnostic::warning("unit-guessed", format!("{why}: {text}"))
     });
     // A flight along a different axis may stay at height zero without being at rest.

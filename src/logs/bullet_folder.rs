@@ -81,7 +81,7 @@ pub(super) fn read(variables: &[Variable], job: Job<'_>) -> Result<Recording> {
             block.time_s = time_s;
         } else if block.time_s != time_s {
             let hint = "export the folder again, so that its files belong to one flight";
-            let actual = "other times than in the files before it";
+            let actual = "times that differ from those in the files before it";
             return Err(Error::input(path.display(), actual, "the same times", hint));
         }
         let listed = NAMES.iter().find(|(listed, _)| listed == name);

@@ -44,7 +44,7 @@ pub(super) fn read_rows(
         return Err(Error::input(file, actual, "a number in each cell", hint));
     }
     if !texts.is_empty() {
-        sheet.notes.push(format!("texts are not read: {}", texts.join(", ")));
+        sheet.notes.push(format!("text cells are not read: {}", texts.join(", ")));
     }
     Ok((sheet, are_dated))
 }

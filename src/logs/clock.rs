@@ -65,7 +65,8 @@ fn repair_block(block: &mut Block, wrap_s: Option<f64>, warnings: &mut Vec<Diagn
     let mut kept = without_spikes(time_s, finite);
     let wraps = wrap_s.map_or(0, |wrap_s| undo_wraps(time_s, &kept, wrap_s));
     if let Some(wrap_s) = wrap_s.filter(|_| wraps > 0) {
-        let text = format!("the clock wrapped {wraps} time(s) after {wrap_s} s, which is undone");
+        let text =
+            format!("the clock wrapped {wraps} time(s) after {wrap_s} s, which is corrected");
         repairs.push(("clock-wrapped", text));
     }
 
@@ -96,7 +97,8 @@ fn repair_block(block: &mut Block, wrap_s: Option<f64>, warnings: &mut Vec<Diagn
         let start = kept.first().map_or(0, |first| *first);
         let first = (start..n).find(|i| kept.binary_search(i).is_err()).unwrap_or(0) + 1;
         let text = format!(
-            "{dropped} of {n} samples dropped, whose timestamp does not rise (first: sample {first})"
+            "{dropped} of {n} samples are dropped, because their timestamps do not increase \
+             (first: sample {first})"
         );
         repairs.push(("times-dropped", text));
     }

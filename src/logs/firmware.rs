@@ -38,8 +38,8 @@ pub(super) fn doubt(recording: &Recording, assumed: Option<Release>) -> Option<D
         // Releases that fly alike do not cause a warning.
         Some(flown) if flown.is_like(release) => return None,
         Some(flown) => format!(
-            "the drone flew firmware {named}: vehicle.firmware = \"{}\" is its model, and here it \
-             is \"{assumed}\"",
+            "the drone flew firmware {named}, which vehicle.firmware = \"{}\" models, but the \
+             scene has \"{assumed}\"",
             flown.name()
         ),
         None => {

@@ -76,7 +76,7 @@ const BY_CAPTURE: &str =
     "export the rigid body as CSV in the motion capture's program, with a header t,x,y,z";
 const BY_PLOTJUGGLER: &str = "open it in PlotJuggler, export the pose as CSV, and import that";
 const BY_MAVLOGDUMP: &str = "convert it with `mavlogdump.py --types XKF1 --format csv FILE` (of \
-                             pymavlink), name PN, PE and PD x, y and z, and import that";
+                             pymavlink), rename PN, PE and PD to x, y and z, and import the result";
 
 const BY_NAME: &str =
     "write a table with the time, x, y and z of each state in columns, below a header t,x,y,z";
@@ -126,6 +126,6 @@ const FORMATS: [(&[u8], &str, &str); 31] = [
 fn refuse_foreign(bytes: &[u8], file: &str) -> Result<()> {
     let foreign = FORMATS.iter().find(|(first_bytes, ..)| bytes.starts_with(first_bytes));
     foreign.map_or(Ok(()), |(_, what, hint)| {
-        Err(Error::input(file, *what, "a log that is read: text, JSON or a µSD log", *hint))
+        Err(Error::input(file, *what, "a supported log: text, JSON or a µSD log", *hint))
     })
 }

@@ -54,7 +54,10 @@ pub(super) fn with_z_up(mut log: Recording, options: &ImportOptions) -> Result<R
     log.blocks.iter_mut().for_each(|block| rotate_to_z_up(block, axes));
     if let Some(why) = why {
         let axes = axes.name();
-        let text = format!("the world's axes are taken as {axes}, {why}, and turned to {to}");
+        let text = format!(
+            "the world's axes are assumed to be {axes}, {why}, and converted to \
+                            {to}"
+        );
         log.warn("axes-turned", text);
     }
     Ok(log)
@@ -118,7 +121,7 @@ fn positions_m(block: &Block) -> Option<Vec<[f64; 3]>> {
 
 /// Returns `Auto`, and a warning that z is assumed to point up because of `seen`.
 fn z_up_guess(seen: &str) -> (Axes, Option<String>) {
-    (Axes::Auto, Some(format!("{seen}: z is taken to point up, which is a guess")))
+    (Axes::Auto, Some(format!("{seen}: z is assumed to point up")))
 }
 
 /// Returns the axes inferred from the flight with the reason, or `Auto` and possibly a warning.
@@ -262,7 +265,7 @@ mod tests {
         assert_eq!(settled(flight(deep), Axes::Auto).0, [1.0, 0.19, 1.0], "y up, and deep");
         for to in [&drifts as &dyn Fn([f64; 3]) -> [f64; 3], &shuttles] {
             let (z_m, warning) = said(to, Axes::Auto);
-            assert!(z_m < 1.0 && warning.contains("z is taken to point up"), "{z_m}: {warning}");
+            assert!(z_m < 1.0 && warning.contains("z is assumed to point up"), "{z_m}: {warning}");
             assert!(warning.contains("a guess"), "{warning}");
             assert_eq!(said(to, Axes::ZUp).1, "", "as told");
         }

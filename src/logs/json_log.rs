@@ -60,13 +60,13 @@ pub(super) fn read(text: &Text<'_>, job: Job<'_>) -> Result<Recording> {
     let depth = replace_nan(&mut text);
     if depth > MAX_DEPTH {
         let actual = format!("lists and objects nested {depth} deep");
-        return Err(Error::input(file, actual, format!("JSON of at most {MAX_DEPTH}"), HINT));
+        return Err(Error::input(file, actual, format!("at most {MAX_DEPTH} levels"), HINT));
     }
     let broken = serde_json::from_slice::<IgnoredAny>(&text).err();
     if let Some(source) = broken.filter(|source| is_cut(source, &text)) {
         let place = format!("{}:{}", source.line(), source.column());
         refuse_cut_script(&text, file, &place)?;
-        let note = format!("the file ends too early, at {place}, and the part before is read");
+        let note = format!("the file ends too early, at {place}, and only the part before is read");
         log.warn("log-cut", note);
         close(&mut text);
     }
@@ -298,7 +298,7 @@ impl<'a> Reader<'a> {
         }
         let wanted = "an object of variables, each with time and data, or a list of rows, each an \
                       object with a time";
-        Err(Error::input(file, "JSON of another shape", wanted, HINT))
+        Err(Error::input(file, "JSON with another structure", wanted, HINT))
     }
 
     /// Reads an object: a variable, metadata, or a folder with columns and other members.

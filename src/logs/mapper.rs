@@ -82,7 +82,7 @@ fn check_quantities(
         Place::file(&recording.file),
         format_args!("no position from {}", wanted.name()),
         "its three columns, not all zero",
-        "choose another source of position, or the best",
+        "choose another position source, or best",
     ))
 }
 
@@ -228,8 +228,10 @@ impl Mapper<'_> {
             });
             let (n, n_all, name) = (held.count(), stamps_s.len(), quantity.name());
             if n > 0 {
-                let text =
-                    format!("{name}: held in {n} of {n_all} samples, because its own log has gaps");
+                let text = format!(
+                    "{name}: held in {n} of {n_all} samples, because its log block has \
+                             gaps"
+                );
                 warnings.push(Diagnostic::warning("values-held", text));
             }
         }

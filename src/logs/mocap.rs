@@ -174,9 +174,9 @@ impl Shift {
             ("mocap-turned", text)
         } else if self.has_other_frame() {
             let text = format!(
-                "the motion capture's world differs from the drone's, and no turn and shift makes \
-                 the paths agree ({residual_cm:.0} cm of difference are left): its columns are \
-                 left out"
+                "the motion capture's world differs from the drone's, and no rotation and shift \
+                 makes the paths agree ({residual_cm:.0} cm of difference are left): its columns \
+                 are left out"
             );
             ("mocap-left-out", text)
         } else if self.frame_offset_m.amax() > 0.05 {

@@ -83,8 +83,8 @@ pub(super) fn read(
     log.is_stamped = time.is_some() && !is_imported;
     let mut time_s = match (time, period_s) {
         (Some(_), Some(_)) if !is_captured => {
-            let wanted = "none, because a period is given";
-            return Err(Error::input(file, "a column of times", wanted, "leave the period out"));
+            let wanted = "no time column, because a period is given";
+            return Err(Error::input(file, "a column of times", wanted, "omit the period"));
         }
         (Some((_, time_s)), _) => time_s,
         (None, Some(period_s)) => numbered_times(&named, is_captured, period_s),
@@ -94,7 +94,7 @@ pub(super) fn read(
         check_assumed_times(&time_s, file)?;
     }
     if titles.iter().any(|title| title.starts_with(RANGE)) && spread_rows(&mut time_s) {
-        let text = "several rows have the same time: they are spread evenly up to the next one";
+        let text = "rows with the same time are spread evenly up to the next time";
         log.warn("times-equal", text);
     }
     let block = Block { name: "csv".into(), time_s, columns: named, ..Block::default() };
@@ -116,7 +116,7 @@ fn named_by_order(text: &Text<'_>, head: &mut Head) -> Option<String> {
     head.titles = names.iter().map(|name| (*name).to_owned()).chain(others).collect();
     head.titles.truncate(head.n_columns);
     let as_printed = message_names.map_or("", |_| ", as `ros2 topic echo --csv` prints a pose");
-    Some(format!("no header: the columns are taken as {}{as_printed}", names.join(", ")))
+    Some(format!("no header: the columns are assumed to be {}{as_printed}", names.join(", ")))
 }
 
 /// Returns the error for a table without times, or for lines that are not a table.
@@ -176,7 +176,7 @@ fn check_assumed_times(time_s: &[f64], file: &str) -> Result<()> {
     if 2 * n_rising >= n {
         return Ok(());
     }
-    let numbers = format!("no header, and {} of {n} numbers that do not rise", n - n_rising);
+    let numbers = format!("no header, and {} of {n} numbers that do not increase", n - n_rising);
     let hint = "write a header above the rows that names the columns, such as t,x,y,z";
     Err(Error::input("column 1", numbers, "times", hint).in_file(file, None))
 }
@@ -241,7 +241,10 @@ impl Columns {
         if name == "t" && (title == "t" || is_dated || values.iter().any(|value| !value.is_nan())) {
             let (time_s, guess) = times(&title, values, is_dated, unit, self.time_unit);
             if let Some((first, _)) = &self.time {
-                let text = format!("the times are those of {first}, and {title} has other ones");
+                let text = format!(
+                    "the times are those of {first}, and {title} contains \
+                                    different times"
+                );
                 self.log.warn("times-twice", text);
                 self.named.push(Column::new(title, time_s));
             } else {
@@ -267,9 +270,8 @@ impl Columns {
                 let error = Error::input(place, "two bodies", "one, for a flight", hint);
                 return Err(error.in_file(&self.log.file, None));
             }
-            let text = format!(
-                "{title} (column {number}) is the same quantity as {first}, which is taken"
-            );
+            let text =
+                format!("{title} (column {number}) is the same quantity as {first}, which is used");
             self.log.warn("column-twice", text);
             name.clone_from(&title);
         }
@@ -303,7 +305,8 @@ fn times(
 ) -> (Vec<f64>, Option<Diagnostic>) {
     if is_dated {
         let wraps = undo_midnights(&mut values);
-        let text = format!("column {title}: its clock restarts {wraps} time(s), which is undone");
+        let text =
+            format!("column {title}: its clock restarts {wraps} time(s), which is corrected");
         return (values, (wraps > 0).then(|| Diagnostic::warning("clock-wrapped", text)));
     }
     // An option takes precedence over the title, and the title over the steps.
@@ -315,8 +318,8 @@ fn times(
     }
     let guess = if unit_s != 1.0 {
         format!(
-            "read in units of {unit_s} s, because its rows are {step} apart, which is no step of a log \
-             in seconds"
+            "read in units of {unit_s} s, because its rows are {step} apart, which is not a usual \
+             step of a log in seconds"
         )
     } else {
         format!("its rows are {step} apart, taken as seconds, not milliseconds")
@@ -370,7 +373,7 @@ pub(super) fn are_degrees(block: &Block) -> (bool, Option<String>) {
         let odd = "which would be upside down in radians";
         (true, Some(format!("pitch and roll reach {max_tilt:.2}, {odd}")))
     } else if rms_tilt > USUAL_RMS {
-        let odd = "which no flight holds in radians";
+        let odd = "which no flight could have in radians";
         (true, Some(format!("pitch and roll are {rms_tilt:.2} on average, {odd}")))
     } else if max_tilt > USUAL_MAX {
         (false, Some(format!("pitch and roll reach {max_tilt:.2}")))

@@ -141,8 +141,8 @@ impl Lines {
 
     /// Returns the error for a file that does not begin with the head of a log.
     fn headless(&self, actual: impl fmt::Display) -> Error {
-        let wanted = "the log that an exported script keeps as it flies, whose first line is its \
-                      head, {\"noctograph\": ...}";
+        let wanted = "the log that an exported script keeps during the flight, whose first line \
+                      is its header, {\"noctograph\": ...}";
         let hint = "name the file NAME_flight.jsonl that the script writes";
         Error::input("", actual, wanted, hint).in_file(&self.file, 1_u64)
     }
@@ -150,8 +150,8 @@ impl Lines {
     /// Returns the error for a line that is not a sample.
     fn broken(&self, actual: impl fmt::Display) -> Error {
         let wanted = "a sample, such as {\"time\": 20, \"stateEstimate.x\": 0.1}";
-        let hint = "use the whole log (.json) that the script wrote after the flight, or remove \
-                    the lines from there on";
+        let hint = "use the complete log (.json) that the script wrote after the flight, or \
+                    remove the lines from this one on";
         Error::input("", actual, wanted, hint).in_file(&self.file, self.n_lines)
     }
 

@@ -286,7 +286,7 @@ impl<'a> Search<'a> {
         let names = shortened(&names(source.1).collect::<Vec<_>>());
         let instead = if is_replaced { "replaced by another source" } else { "not logged" };
         let text = format!(
-            "{names} goes beyond ±{MAX_QUANTITY:e}, like an observer that diverged: taken as {instead}"
+            "{names} exceeds ±{MAX_QUANTITY:e}, like a diverged observer: read as {instead}"
         );
         if !self.warnings.iter().any(|known| known.code == DIVERGED && known.detail() == names) {
             self.warnings.push(Diagnostic::warning(DIVERGED, text).detailed(names));
@@ -329,7 +329,7 @@ impl<'a> Search<'a> {
         });
         let (name, values) = (quantity.name(), values.collect::<Vec<_>>().join(", "));
         let text = format!(
-            "{name}: frozen at {values} while the drone moves for {moving_s:.1} s: taken as not \
+            "{name}: frozen at {values} while the drone moves for {moving_s:.1} s: treated as not \
              logged"
         );
         self.warn("source-frozen", text);

@@ -55,7 +55,7 @@ keys! {
     WordLong "word-long" 422 "the word is too long" "write a shorter word";
     WordEmpty "word-empty" 422 "there is no word" "type or draw something";
     LetterMissing "letter-missing" 422 "a letter cannot be written" "write it with another letter";
-    LettersMany "letters-many" 422 "too many of these letters in a row" "write fewer";
+    LettersMany "letters-many" 422 "too many of these letters follow each other" "write fewer";
     DrawingEmpty "drawing-empty" 422 "there is nothing to follow" "draw a line";
     DrawingBroken "drawing-broken" 422 "the drawing cannot be read" "save it as plain SVG or JPEG";
     DrawingText "drawing-text" 422 "the drawing contains text" "convert the text to paths";
@@ -63,11 +63,11 @@ keys! {
     PictureNone "picture-none" 422 "no lines were found in the picture" "choose a picture of lines on paper";
     FlightLong "flight-long" 422 "the flight would take too long" "write or draw less";
     FlightImpossible "flight-impossible" 422 "this cannot be flown" "change something and try again";
-    TooSlow "too-slow" 422 "making it took too long" "write or draw less";
-    TooLarge "too-large" 422 "making it took too much memory" "write or draw less";
+    TooSlow "too-slow" 422 "making the photo took too long" "write or draw less";
+    TooLarge "too-large" 422 "making the photo took too much memory" "write or draw less";
     NotSafe "not-safe" 409 "the flight is not safe" "change what the report names";
     NotPossible "not-possible" 422 "this is not possible" "change something and try again";
-    Broken "broken" 500 "the program failed on this" "change something and try again";
+    Broken "broken" 500 "the program failed" "change something and try again";
     Busy "busy" 503 "many visitors are waiting" "try again";
     Closed "gone" 404 "this is no longer stored" "take the photo again";
     DiskFull "disk-full" 507 "a file could not be saved" "ask the host: the disk may be full";
@@ -76,7 +76,7 @@ keys! {
     QueueFull "queue-full" 503 "the queue is full" "come again later";
     Paused "paused" 503 "no entries are accepted at the moment" "try again later";
     NotHere "not-here" 403 "this is available only on the host's machine" "ask the host";
-    Conflict "conflict" 409 "somebody else has already answered" "look again";
+    Conflict "conflict" 409 "another operator has already changed this entry" "look again";
 }
 
 /// A result, or the key of a refusal.

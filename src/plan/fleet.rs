@@ -77,7 +77,7 @@ pub fn fleet(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<Plan>> {
         Error::infeasible(
             "two drones come too close to each other for any delay, or no start was found in a \
              billion comparisons of positions",
-            "share the word among fewer drones, or write it larger",
+            "divide the word among fewer drones, or write it larger",
         )
     })?;
     assignment.plans(options, style)

@@ -35,7 +35,7 @@ pub struct Replay {
 /// Returns [`Error::Input`] for a flight without samples or setpoints (a design of zeros only).
 pub fn replay(flight: &Flight) -> Result<Replay> {
     if flight.samples.iter().all(|sample| sample.design_m == Vector3::zeros()) {
-        let hint = "name a flight or a log with the columns of its setpoints";
+        let hint = "name a flight or a log that contains setpoint columns";
         return Err(Error::input("flight", "no design position", "setpoints to fly", hint));
     }
     let logged = logged(flight);

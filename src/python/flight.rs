@@ -433,7 +433,7 @@ fn fly_plans(
         return shoot.fly(&|_, _| {}).map(Ok);
     }
     if n != 1 {
-        let (what, hint) = ("controller or estimator", "fly each plan by itself");
+        let (what, hint) = ("controller or estimator", "fly each plan separately");
         return Err(Error::input(what, format!("{n} plans"), "one plan", hint));
     }
     // With Python functions or covariances, a single drone is flown in a session.
@@ -480,7 +480,7 @@ pub(super) fn import_log(
             && let Some(preset) = infer_lights_if_dark(&mut flight, &mut scene)?
         {
             let text = format!(
-                "its setpoints are on the letters of {0}: photograph it with those, \
+                "its setpoints follow the letters of {0}: photograph it with these letters, \
                  nc.Scene(\"{0}\", word=...)",
                 preset.name()
             );

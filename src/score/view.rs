@@ -100,7 +100,7 @@ impl View {
         let bounds_m = camera.plane_bounds_m().ok_or_else(|| {
             let wanted = "a camera whose whole picture shows the plane of the word";
             let hint = "name the scene of the photo, or the corners of the word in the photo";
-            Error::input("camera", "one that looks past the word", wanted, hint)
+            Error::input("camera", "a camera that does not see the word", wanted, hint)
                 .coded("word-unseen")
         })?;
         let px_per_m = f64::from(photo.width_px) / (bounds_m[2] - bounds_m[0]);

@@ -140,7 +140,7 @@ fn check_post(head: &Parts) -> HttpResult<()> {
     for (name, expected) in [("origin", &*origin), ("sec-fetch-site", "same-origin")] {
         // A field may be sent more than once, and each of its values must be correct.
         if head.headers.get_all(name).iter().any(|value| value != expected) {
-            return Err(HttpError(403, "a page of another origin asks"));
+            return Err(HttpError(403, "a page from another origin sent the request"));
         }
     }
     if field(head, "content-type") != "application/json" {

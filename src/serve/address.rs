@@ -11,7 +11,12 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Limit;
 
 const FILE: &str = "address.json";
-const LIMIT: Limit = Limit { bytes: 4 << 10, what: "an address", hint: "remove it for a new one" };
+const LIMIT: Limit = Limit {
+    bytes: 4 << 10,
+    what: "an address",
+    hint: "remove the file to create \
+                                                                        a new one",
+};
 
 /// Secrets in the addresses, and their port.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
@@ -28,7 +33,7 @@ pub(crate) struct Address {
 pub(crate) fn secret() -> Result<String> {
     let mut bytes = [0; 16];
     getrandom::fill(&mut bytes).map_err(|error| {
-        Error::infeasible(format!("the system gives no random numbers: {error}"), "try again")
+        Error::infeasible(format!("the system provides no random numbers: {error}"), "try again")
     })?;
     Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
 }

@@ -211,7 +211,7 @@ impl Flights {
             (State::Rests { is_cut: true }, _) => Some(note("log-cut", path, "")),
             (State::Refused(why), _) => Some(note("log-broken", path, why)),
             (State::Waits, _) if log.n_bytes == 0 || is_current(path) => None,
-            (State::Waits, None) => Some(note("log-broken", path, "no log of a script")),
+            (State::Waits, None) => Some(note("log-broken", path, "not the log of a script")),
             (State::Waits, Some(word)) => match entries.flies(word) {
                 None => Some(note("log-unknown", path, word)),
                 Some((_, 0 | 1)) => Some(note("log-later", path, "")),

@@ -354,7 +354,7 @@ fn lock(folder: &Path) -> Result<Option<File>> {
     match file.try_lock() {
         Ok(()) => Ok(Some(file)),
         Err(std::fs::TryLockError::WouldBlock) => {
-            let hint = "end it, or name another gallery";
+            let hint = "stop that server, or name another gallery";
             let actual = "in use by another server";
             Err(Error::input(folder.display(), actual, "a gallery that no server uses", hint))
         }

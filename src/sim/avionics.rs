@@ -423,7 +423,7 @@ fn tuning_keys(Kinds { controller, estimator }: Kinds) -> String {
 }
 
 /// Hint for a drone that is lost because its battery is empty.
-const EMPTY_HELP: &str = "fly less: a shorter word, larger plan.style.stroke_speed_m_s, \
+const EMPTY_HELP: &str = "shorten the flight: a shorter word, larger plan.style.stroke_speed_m_s, \
                           shorter plan.style.hover_s, or a larger battery.capacity_ah";
 
 /// Returns how the true or the estimated state shows that a drone is lost, or `None`.

@@ -143,7 +143,7 @@ impl Conditions {
         }
         // A name in the table takes precedence over a file with the same name.
         if Path::new(named).exists() {
-            let hint = "leave out keys that are not conditions";
+            let hint = "remove keys that are not conditions";
             let limit = Limit { bytes: 1 << 20, what: "conditions", hint };
             return Self::parse(&limit.read_text(named.as_ref())?, named);
         }

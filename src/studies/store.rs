@@ -275,7 +275,8 @@ fn check_header(folder: &Path) -> Result<()> {
     let (text, wanted) = (HEADER.read_text(&path)?, "the header of a store");
     let text = text.trim();
     if text.is_empty() {
-        let hint = "remove it (a power failure may leave it empty), and the flights beside it stay";
+        let hint = "remove it (a power failure may have left it empty); the flights in the folder \
+                    are kept";
         return Err(Error::input(path.display(), "an empty file", wanted, hint));
     }
     let Header { noctograph, format } = serde_json::from_str(text).map_err(|_broken| {

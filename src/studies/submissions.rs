@@ -100,7 +100,7 @@ fn gather(
     }
     if !hidden.is_empty() {
         let names = hidden.join(", ");
-        passed_over.push(format!("{}: not read, as hidden: {names}", folder.display()));
+        passed_over.push(format!("{}: hidden files are not read: {names}", folder.display()));
     }
     Ok(())
 }
@@ -193,7 +193,7 @@ mod tests {
             assert!(cfg!(not(unix)) || rows.contains(&wanted), "{link}: {rows:?}");
         }
         let [hidden] = &read.passed_over[..] else { panic!("{:?}", read.passed_over) };
-        assert!(hidden.ends_with("not read, as hidden: .ed.toml"), "{hidden}");
+        assert!(hidden.ends_with("hidden files are not read: .ed.toml"), "{hidden}");
     }
 
     #[test]

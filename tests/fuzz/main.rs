@@ -100,7 +100,7 @@ fn a_face_has_one_budget_for_all_its_characters() {
     let drawn = ('!'..='\u{408}').filter(|character| font.aspect(*character).is_some()).count();
     assert!((10..1000).contains(&drawn), "{drawn} drawn");
     let error = font.check_work().unwrap_err().to_string();
-    assert!(error.contains("heavy.ttf: found more work than an input may take"), "{error}");
+    assert!(error.contains("heavy.ttf: found more work than an input may cause"), "{error}");
 }
 
 /// Words of equal and of alternating letters are written, scored in their own and in each other's

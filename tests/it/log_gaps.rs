@@ -112,7 +112,7 @@ fn a_photo_without_a_word_says_so_when_it_is_made_and_when_it_is_scored() {
     let nameless = run(&[&["expose", "flight.csv", "-o", "a.png"], &small[..]].concat());
     nameless.success().stderr(predicate::str::contains("contains no word"));
     let score = run(&["score", "a.png"]).code(2);
-    score.stderr(predicate::str::contains("name it after the photo"));
+    score.stderr(predicate::str::contains("name the word after the photo"));
     run(&[&["expose", "flight.csv", "--word", "I"], &small[..]].concat()).success();
     run(&["score", "photo.png"]).code(predicates::ord::le(1));
     assert!(word_of(&folder.path().join("photo.png")).contains("word = \"I\""));

@@ -254,7 +254,7 @@ impl FixedPose {
             return Err(input_error!(
                 "camera.framing.target_m",
                 "{position_m:?}, the position of the camera",
-                "a point away from it",
+                "a different point",
                 "place the camera some meters in front of its target",
             ));
         };

@@ -78,10 +78,10 @@ impl Budget {
         let (what, most, unit) = match self.beyond.get() {
             None => return Ok(()),
             Some(Beyond::Steps) => {
-                ("more work than an input may take", MAX_STEPS / 1_000_000, "million steps")
+                ("more work than an input may cause", MAX_STEPS / 1_000_000, "million steps")
             }
             Some(Beyond::Bytes) => {
-                ("more data than an input may hold", MAX_BYTES >> 20, "MiB of memory")
+                ("more data than an input may contain", MAX_BYTES >> 20, "MiB of memory")
             }
         };
         let wanted = format!("at most {most} {unit}");
@@ -136,6 +136,6 @@ mod tests {
         budget.free(left);
         budget.bytes(usize::try_from(left).unwrap()).unwrap();
         let error = budget.bytes(1).unwrap_err().to_string();
-        assert!(error.contains("more data than an input may hold, wanted at most 240 MiB"));
+        assert!(error.contains("more data than an input may contain, wanted at most 240 MiB"));
     }
 }

@@ -39,7 +39,7 @@ impl OutputFolder {
     /// output, which is a single file.
     pub fn create(path: &Path) -> Result<Self> {
         if path == Path::new(STANDARD_OUTPUT) {
-            let hint = "name a folder (./- if that is its name)";
+            let hint = "name a folder (./- for a folder called -)";
             let wanted = "a folder for several files";
             return Err(Error::input("output", STANDARD_OUTPUT, wanted, hint));
         }

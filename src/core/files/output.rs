@@ -241,7 +241,7 @@ fn followed(path: &Path) -> std::io::Result<PathBuf> {
             Err(_) => return Ok(path),
         }
     }
-    Err(std::io::Error::other("symbolic links in a circle"))
+    Err(std::io::Error::other("a cycle of symbolic links"))
 }
 
 /// Writes a file with `write`. Returns the file's digest, or an empty text if no digest is wanted.

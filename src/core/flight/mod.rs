@@ -99,7 +99,7 @@ impl Rules for FlightData {
             None => Ok(()),
             Some(pair) => {
                 let actual = format!("{} before {}", pair[0], pair[1]);
-                let hint = "give each gap its beginning and its end";
+                let hint = "give the beginning and the end of each gap";
                 Err(Error::input("gaps", actual, "finite times in ascending order", hint))
             }
         }

@@ -204,7 +204,7 @@ impl Table {
                 .in_file(&self.file, None));
         }
         if let Some(row) = times.windows(2).position(|pair| pair[1] < pair[0]) {
-            let wanted = format!("at least {}, the time before it", times[row]);
+            let wanted = format!("at least {}, the time in the previous row", times[row]);
             let (line, hint) = (self.line(row + 1), "sort the rows by time");
             return Err(self.wrong(name, line, times[row + 1], wanted, hint));
         }

@@ -158,7 +158,7 @@ impl Fixture {
         let (wanted, hint) = match self.drive.channel() {
             _ if !is_full_name => (
                 "group.name of letters, digits and _",
-                "choose it from the firmware's list of parameters",
+                "choose a parameter from the firmware's list",
             ),
             None => ("no parameter, because nothing commands this lamp", "set drive.command"),
             Some(channel) if Channel::named(channel).is_some() => (

@@ -131,7 +131,7 @@ fn heading_rad(table: &Table) -> Result<f64> {
                 YAW_COLUMN,
                 other,
                 wanted,
-                "place the drone with the heading of the whole flight",
+                "place the drone on the floor with the heading of the flight",
             ))
         }
     }

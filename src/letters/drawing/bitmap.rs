@@ -130,8 +130,8 @@ fn lines(
 }
 
 /// Warning about a picture that contains a checkerboard.
-const CHECKERBOARD: &str = "this picture contains the checkerboard that stands for transparency, which \
-     is left out";
+const CHECKERBOARD: &str = "the checkerboard that stands for transparency in this picture is left \
+                            out";
 
 /// Files that an error message asks for instead of a picture without lines.
 const DRAWINGS: &str = "a drawing, handwriting or a logo";
@@ -233,7 +233,7 @@ fn spend_decoding(bytes: &[u8], n_decoded: u64, budget: &Budget, file: &str) -> 
         .map(|n| usize::try_from(n).unwrap_or(usize::MAX));
     budget.bytes(n_bytes)?;
     budget.steps(n_steps)?;
-    if frame.has_end { Ok(()) } else { Err(unreadable(file, "a JPEG that is cut off")) }
+    if frame.has_end { Ok(()) } else { Err(unreadable(file, "a truncated JPEG")) }
 }
 
 /// Returns a transparent picture on a background from which its ink stands out.

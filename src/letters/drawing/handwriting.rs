@@ -95,7 +95,7 @@ fn read(text: &str, file: &str) -> Result<(Vec<Written>, Option<[f64; 4]>)> {
     })?;
     let (n_strokes, n_colors) = (page.strokes.len(), page.colors.len());
     if n_colors > 0 && n_colors != n_strokes {
-        let hint = "leave `colors` out, or add what is missing";
+        let hint = "omit `colors`, or add the missing colors";
         return Err(input_error!(
             file,
             "{n_colors} colors",
@@ -148,7 +148,7 @@ impl Page {
             && !(left < right && bottom < top && sides.iter().all(|side| side.abs() <= LARGEST))
         {
             let canvas = format!("the canvas {:?}", self.canvas);
-            let wanted = "left, top, right, bottom with an extent";
+            let wanted = "left, top, right and bottom of a box that is not empty";
             return Err(Error::input(file, canvas, wanted, "leave `canvas` out"));
         }
         Ok(canvas)

@@ -213,7 +213,7 @@ fn by_color(
     if inks.len() > MAX_COLORS {
         return Err(input_error!(
             file,
-            "a drawing of more colors",
+            "a drawing with more colors",
             "at most {MAX_COLORS} colors",
             "draw with fewer colors, or with a lamp other than color-led",
         ));
@@ -320,7 +320,7 @@ impl Placing {
 fn too_many(file: &str) -> Error {
     input_error!(
         file,
-        "a drawing of more points",
+        "a drawing with more points",
         "at most {MAX_POINTS} points",
         "simplify the drawing, or raise letters.tolerance_m",
     )

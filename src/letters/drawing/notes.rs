@@ -142,7 +142,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
                 }
                 tag if has(FOREIGN, tag) => return self.sign(node),
                 tag if has(ANIMATIONS, tag) => {
-                    self.named.add("an animation", "drawn as it begins", node);
+                    self.named.add("an animation", "drawn as at its beginning", node);
                 }
                 tag if has(EMPTIED, tag) => {
                     self.only_first(node);
@@ -292,7 +292,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
                 && tag == "path"
                 && svgtypes::PathParser::from(value).any(|part| part.is_err()) =>
             {
-                ("path data that breaks off".into(), "drawn up to there")
+                ("incomplete path data".into(), "drawn up to there")
             }
             "pathLength"
                 if node

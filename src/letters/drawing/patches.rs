@@ -52,21 +52,24 @@ const CUT: Warning = (
 );
 const FAINT_MARKS: Warning = (
     "picture-faint",
-    "marks that are much fainter than the rest, such as the paper's rulings, are not drawn. \
-     Trace over those that belong to the drawing",
+    "marks that are much fainter than the rest, such as ruled lines, are not drawn. Trace over \
+     those that belong to the drawing",
 );
 const RULED: Warning = (
     "picture-rulings",
-    "{n} lines across the picture's edge are drawn, although they may be rulings of the paper. \
-     Draw on plain paper, or leave a margin around the drawing",
+    "{n} lines across the picture's edge are drawn, although they may be ruled lines of the \
+     paper. Draw on plain paper, or leave a margin around the drawing",
 );
 const NOT_RULED: Warning = (
     "picture-not-ruled",
-    "{n} rulings of the paper are not drawn, that is, lines from edge to edge that are paler \
+    "{n} ruled lines of the paper are not drawn, which are lines from edge to edge that are paler \
      than the rest",
 );
-const COLORS_TOUCH: Warning =
-    ("picture-colors-touch", "touching areas of different colors are drawn as one: leave a gap");
+const COLORS_TOUCH: Warning = (
+    "picture-colors-touch",
+    "touching areas of different colors are drawn as one: leave a gap \
+                              between them",
+);
 const TOO_FINE: Warning = (
     "picture-fine",
     "light fills the gaps in so fine a picture ({n} lines), so a QR code, for example, \

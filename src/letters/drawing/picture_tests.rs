@@ -635,5 +635,5 @@ fn webp_bmp_and_the_first_frame_of_a_gif_are_read_as_png_is_and_a_jpeg_in_full()
     let drawn = |bytes: &[u8]| drawn_in("a.jpg", bytes, &on_canvas(2.0, 1.0), Ink::Alike);
     drawn(&whole).unwrap();
     let refused = drawn(&whole[..whole.len() / 2]).unwrap_err().to_string();
-    assert!(refused.contains("cut off"), "{refused}");
+    assert!(refused.contains("truncated"), "{refused}");
 }

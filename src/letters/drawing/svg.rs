@@ -124,8 +124,8 @@ fn parse_document<'text>(
 fn alike_warning(n_alike: usize) -> Diagnostic {
     let lines = if n_alike == 1 { "line has" } else { "lines have" };
     let message = format!(
-        "{n_alike} {lines} the color of what is beneath, so that nothing is drawn there: \
-         use fill=\"none\" for a shape that is not meant to be filled"
+        "{n_alike} {lines} the color of what is beneath, so nothing is drawn there: use \
+         fill=\"none\" for a shape that is not meant to be filled"
     );
     Diagnostic::warning("drawing-alike", message)
 }
@@ -253,7 +253,7 @@ fn parse_tree(edited: &str) -> std::result::Result<Tree, String> {
     let reading = Options { image_href_resolver, style_sheet, ..Options::default() };
     // usvg may panic on broken files.
     let tree = catch_unwind(AssertUnwindSafe(|| Tree::from_str(edited, &reading)));
-    let tree = tree.map_err(|_panic| "a drawing on which usvg fails".to_owned())?;
+    let tree = tree.map_err(|_panic| "a drawing that usvg cannot read".to_owned())?;
     tree.map_err(|broken| broken.to_string())
 }
 

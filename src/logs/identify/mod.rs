@@ -149,7 +149,7 @@ pub fn identify(flight: &Flight, assumed: &VehicleOptions) -> Result<Identified>
     let mut accelerations = accelerations(flight, &airborne, &mut left_out);
     let mut k_f_n = thrust_per_command_n(flight, samples, accelerations.as_deref(), assumed);
     if k_f_n.is_nan() || k_f_n <= 0.0 {
-        let text = "the acceleration points down on average, so that the drone is assumed to hover";
+        let text = "the acceleration points down on average, so the drone is assumed to hover";
         left_out.push(Diagnostic::warning("acceleration-down", text));
         accelerations = None;
         k_f_n = thrust_per_command_n(flight, samples, None, assumed);
@@ -208,7 +208,7 @@ pub fn is_frozen(samples: &[FlightSample]) -> bool {
 
 /// Returns a warning about a source that never changes.
 fn frozen(names: &str) -> Diagnostic {
-    Diagnostic::warning("source-frozen", format!("{names}: frozen, as if it was not logged"))
+    Diagnostic::warning("source-frozen", format!("{names}: frozen, as if not logged"))
 }
 
 /// Returns the airborne values of an extra column.

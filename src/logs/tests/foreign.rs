@@ -208,7 +208,7 @@ fn poses_of_other_programs_are_read_with_their_axes_and_orders() {
         assert!(!said(&flight).contains("navPos"), "{}", said(&flight));
         let turned = ["Motive", "z down", "PX4"].contains(&what);
         assert_eq!(
-            said(&flight).contains("axes are taken as"),
+            said(&flight).contains("axes are assumed to be"),
             turned,
             "{what}: {}",
             said(&flight)
@@ -659,7 +659,7 @@ fn rows_of_several_drones_and_a_position_that_is_too_fast_are_refused() {
     assert!(refused(&owned("mode", &id, 0.04)).contains("faster than 15 m/s"));
     assert!(
         refused(&owned("mode", &id, 0.0))
-            .contains("with the time of another row, but at another place")
+            .contains("with the time of another row, but another position")
     );
     let one = rows("t,drone_id,x,y,z\n", |t, [x, y, z]| format!("{t:.2},7,{x},{y},{z}"));
     check("one drone", &read(one.as_bytes()));

@@ -47,8 +47,7 @@ impl Gpu {
         });
         let options = wgpu::RequestAdapterOptions::default();
         let adapter = pollster::block_on(instance.request_adapter(&options)).map_err(|e| {
-            let hint =
-                "install a Vulkan driver (Debian: mesa-vulkan-drivers) or choose the processor";
+            let hint = "install a Vulkan driver (Debian: mesa-vulkan-drivers) or choose the CPU";
             gpu_error(format!("none found ({e})"), hint)
         })?;
         let info = adapter.get_info();
@@ -66,7 +65,7 @@ impl Gpu {
             required_features: if is_processor { mappable } else { wgpu::Features::empty() },
             ..Default::default()
         }))
-        .map_err(|e| gpu_error(format!("{name}: {e}"), "choose the processor as the backend"))?;
+        .map_err(|e| gpu_error(format!("{name}: {e}"), "choose the CPU as the backend"))?;
 
         // This handler receives the errors of later calls. The first error names the cause.
         let first_error = Arc::new(Mutex::new(None));
@@ -212,7 +211,7 @@ impl Gpu {
 
     /// Returns an error of this device.
     fn fail(&self, what: impl std::fmt::Display) -> Error {
-        gpu_error(format!("{}: {what}", self.adapter), "choose the processor as the backend")
+        gpu_error(format!("{}: {what}", self.adapter), "choose the CPU as the backend")
     }
 }
 
@@ -237,7 +236,7 @@ fn pipeline(device: &wgpu::Device, shader: &str) -> wgpu::ComputePipeline {
 
 /// Returns the error of a driver that panicked.
 pub(super) fn driver_panicked() -> Error {
-    gpu_error("its driver panicked".to_owned(), "choose the processor as the backend")
+    gpu_error("its driver panicked".to_owned(), "choose the CPU as the backend")
 }
 
 fn gpu_error(what: String, hint: &str) -> Error {

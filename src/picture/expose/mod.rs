@@ -410,6 +410,6 @@ fn tints(trace: &LightTrace, camera: &Camera, merge_tolerance_px: f64) -> Result
 
 /// Returns the error for too many samples or segments.
 fn too_many(place: &str, what: &str, n: usize) -> Error {
-    let hint = "take a shorter flight, coarser samples or a larger merge tolerance";
+    let hint = "use a shorter flight, coarser samples or a larger merge tolerance";
     Error::input(place, format!("{n} {what}"), format!("at most {MAX_SAMPLES}"), hint)
 }

@@ -24,5 +24,5 @@ impl Gpu {
 /// Returns the error for a missing device in place of a driver's error.
 pub(super) fn driver_panicked() -> Error {
     let what = "the program was built without the feature gpu".to_owned();
-    Error::Gpu { what, hint: "choose the processor as the backend".into() }
+    Error::Gpu { what, hint: "choose the CPU as the backend".into() }
 }

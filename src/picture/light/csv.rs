@@ -160,7 +160,8 @@ fn unit_from_steps_s(table: &Table, warnings: &mut Vec<String>) -> Result<f64> {
     let timestamps = unit_of(table.column("t")?);
     let (unit_s, step) = (timestamps.unit_s, timestamps.step);
     if unit_s != 1.0 {
-        warnings.push(format!("timestamps are {step} apart: their unit is taken to be {unit_s} s"));
+        warnings
+            .push(format!("timestamps are {step} apart: their unit is assumed to be {unit_s} s"));
     }
     Ok(unit_s)
 }
@@ -175,11 +176,11 @@ fn unit_cd(table: &Table, is_trace: bool, warnings: &mut Vec<String>) -> f64 {
         return 1.0;
     }
     let (unit_cd, warning) = if is_trace {
-        let warning =
-            "r, g and b are whole numbers up to 255: they are taken as candela, not as levels";
+        let warning = "r, g and b are whole numbers up to 255: they are interpreted as candela, not as \
+             levels";
         (1.0, warning.to_owned())
     } else {
-        let levels = "its colors are taken as levels from 0 to 255";
+        let levels = "its colors are interpreted as levels from 0 to 255";
         (FULL_CD / FULL_LEVEL, format!("{levels}, where 255 is {FULL_CD} cd"))
     };
     warnings.push(warning);

@@ -71,9 +71,14 @@ fn check_lamp(lamp: &Lamp) -> Result<()> {
             continue;
         }
         let place = |what: &str| format!("lamp `{name}` at {time_s} s: {what}");
-        let hint = "the flight or log that this light comes from is broken at that time";
+        let hint = "the flight or log from which this light comes is damaged at this time";
         if !time_s.is_finite() || *time_s < previous_s {
-            return Err(Error::input(place("time"), time_s, "a time not before the last", hint));
+            return Err(Error::input(
+                place("time"),
+                time_s,
+                "a time not before the previous one",
+                hint,
+            ));
         }
         previous_s = *time_s;
         for (what, v) in [("position", position_m), ("axis", axis)] {

@@ -240,7 +240,7 @@ impl Photograph {
             // A program that shrinks a picture may leave its resolution tags unchanged.
             Some(film_m) if relative_difference(width_m, film_m) >= SAME_WIDTH => {
                 let message = format!(
-                    "the sensor is taken to be {:.2} mm wide, by FocalLengthIn35mmFilm: \
+                    "the sensor is assumed to be {:.2} mm wide, by FocalLengthIn35mmFilm: \
                      FocalPlaneXResolution makes it {mm:.2} mm",
                     1e3 * film_m
                 );
@@ -260,9 +260,9 @@ impl Photograph {
             return None;
         }
         let message = format!(
-            "the sensor is taken to be {mm:.2} mm wide, from {pixels} pixels and FocalPlaneXResolution, \
-             which no other tag confirms: a picture that was resized has too small a sensor. If it \
-             was, set camera.body in a scene file"
+            "the sensor is assumed to be {mm:.2} mm wide, from {pixels} pixels and \
+             FocalPlaneXResolution, which no other tag confirms: a picture that was resized has \
+             too small a sensor. If it was, set camera.body in a scene file"
         );
         self.warn("sensor-width", message);
         Some(width_m)
@@ -379,7 +379,8 @@ impl Photograph {
             && !self.number(Tag::Orientation).is_some_and(|number| (1.0..=8.0).contains(&number))
         {
             let message = format!(
-                "Orientation {orientation} is not one of 1 to 8: the picture is taken as not turned"
+                "Orientation {orientation} is not one of 1 to 8: the picture is assumed to be \
+                 upright"
             );
             self.warn("orientation", message);
         }

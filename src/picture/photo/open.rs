@@ -69,15 +69,14 @@ fn check_memory(bytes: &[u8], path: &Path) -> Result<()> {
     let needed = 2 * bytes.len() as u64 + frame.decoded_bytes();
     if needed <= MAX_BYTES {
         let hint = "copy the whole file from the camera's card";
-        let error =
-            || Error::input(path.display(), "a JPEG that is cut off", "a whole photo", hint);
+        let error = || Error::input(path.display(), "a truncated JPEG", "a whole photo", hint);
         return frame.has_end.then_some(()).ok_or_else(error);
     }
     let kind = if frame.progressive { "progressive " } else { "" };
     let [width, height] = frame.size_px;
     let photo =
         format!("a {kind}JPEG of {width}x{height} pixels, which takes {} MiB", needed >> 20);
-    let hint = "scale the photo down, or save it anew as a baseline JPEG";
+    let hint = "scale the photo down, or save it again as a baseline JPEG";
     Err(Error::input(path.display(), photo, format!("at most {} MiB", MAX_BYTES >> 20), hint))
 }
 
@@ -109,7 +108,7 @@ mod tests {
         let path = folder.path().join("photo.jpg");
         let whole = jpeg(1);
         std::fs::write(&path, &whole[..whole.len() - 2]).unwrap();
-        assert!(read(&path).unwrap_err().to_string().contains("cut off"));
+        assert!(read(&path).unwrap_err().to_string().contains("truncated"));
     }
 
     #[test]

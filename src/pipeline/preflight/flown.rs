@@ -111,22 +111,20 @@ fn corridor(flight: &Flight, scene: &Scene, profile: &Profile) -> Diagnostic {
         .within(most_m)
         .timed(time_s)
         .say(
-            format!("strays by {error_m:+.2} m in depth{}", at_time(time_s)),
+            format!("deviates by {error_m:+.2} m in depth{}", at_time(time_s)),
             format!("within ±{most_m} m of the design"),
             // The most probable cause is tested first: a disturbance of the stations' light.
             match positioning {
                 _ if is_optical && !lighthouse.people_m.is_empty() => {
                     "move people out of the light ({sensors.lighthouse.people_m})"
                 }
-                _ if is_optical && reflects => {
-                    "cover what reflects ({sensors.lighthouse.mirrors_m})"
-                }
+                _ if is_optical && reflects => "cover the mirrors ({sensors.lighthouse.mirrors_m})",
                 _ if is_optical && !lighthouse.silent.is_empty() => {
-                    "let every station send ({sensors.lighthouse.silent})"
+                    "make sure that every station transmits ({sensors.lighthouse.silent})"
                 }
                 Positioning::UwbTwr | Positioning::UwbTdoa => {
-                    "hang the anchors around the flight, in front of it and behind \
-                 ({sensors.uwb.anchors_m})"
+                    "mount the anchors around the flight, in front of it and behind it \
+                     ({sensors.uwb.anchors_m})"
                 }
                 Positioning::Gnss => "fly in calmer air, or with a better receiver",
                 // A plan can compensate for a mean error, but not for a varying one.
@@ -224,7 +222,10 @@ fn battery(flight: &Flight, scene: &Scene) -> Diagnostic {
         Some(Battery { rest_v, sag_v, least_rest_v, .. }) => {
             // The time of hovering explains an empty battery better than voltages do.
             let verdict = match hovers_s(scene) {
-                Some(hovers_s) if !lasts => format!("does not last, hovers for {hovers_s:.0} s"),
+                Some(hovers_s) if !lasts => format!(
+                    "does not last, because the flight hovers for \
+                                                     {hovers_s:.0} s"
+                ),
                 _ => if lasts { "lasts" } else { "does not last" }.to_owned(),
             };
             let lowest_v = rest_v - sag_v;
@@ -251,7 +252,7 @@ fn battery(flight: &Flight, scene: &Scene) -> Diagnostic {
     )
 }
 
-const NO_LAMP: &str = "no lamp follows the plan's light";
+const NO_LAMP: &str = "no lamp follows the plan's light commands";
 
 /// Returns the result "unknown" of a light check, for a flight without light.
 fn without_light(check: &'static str, why: &str) -> Diagnostic {
@@ -358,7 +359,8 @@ fn evenness(stops: Option<f64>) -> Diagnostic {
     Diagnostic::check("evenness", warn_if(stops > MAX_UNEVEN_STOPS), stops).within(MAX_UNEVEN_STOPS).say(
         format!("exposure varies by {stops:.1} stops along the trail"),
         format!(
-            "within {MAX_UNEVEN_STOPS} stops, from the 5th to the 95th percentile, as `meter` reads"
+            "within {MAX_UNEVEN_STOPS} stops, from the 5th to the 95th percentile, as `meter` \
+             measures"
         ),
         "turn the nose ({plan.yaw_rad}) or the writing lamp ({light.fixtures}) to the camera, or \
          write slower ({plan.stroke_speed_m_s})",

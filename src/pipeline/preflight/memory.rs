@@ -16,7 +16,7 @@ pub const LED_MEMORY: &str = "LED memory";
 /// Returns the result "unknown" of a check, for a plan that cannot be exported.
 fn not_exported(check: &'static str, error: &Error) -> Diagnostic {
     let wanted = "a plan that can be exported";
-    Diagnostic::unchecked(check, error, wanted, "change what the export refuses")
+    Diagnostic::unchecked(check, error, wanted, "remove what the export refuses")
 }
 
 /// Checks that the plan fits in the drone's trajectory memory, by its size in bytes if compressed,
@@ -33,7 +33,7 @@ pub(super) fn check_memory(shoot: &Shoot, drone: usize) -> Diagnostic {
         .map(|is_beyond| if is_beyond { ", too many" } else { "" });
     let detail = formats.join(", ");
     let forms = match detail.as_str() {
-        "" => "no form of export accepts it".to_owned(),
+        "" => "no export format accepts it".to_owned(),
         formats => format!("it can be exported as {formats}"),
     };
     let heading = if flies_heading {
@@ -51,7 +51,7 @@ pub(super) fn check_memory(shoot: &Shoot, drone: usize) -> Diagnostic {
             "{TRAJECTORY_MEMORY_BYTES} bytes and {MAX_PIECES} pieces on board, 50 setpoints per \
              second by radio"
         ),
-        "export the plan in one of those forms, or divide the word between drones \
+        "export the plan in one of those formats, or divide the word between drones \
          ({plan.drones=2})",
     )
 }

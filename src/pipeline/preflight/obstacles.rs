@@ -96,7 +96,7 @@ pub(super) fn check_people(shoot: &Shoot, paths: &Paths) -> Option<Diagnostic> {
     let row = Diagnostic::check("people", stop_if(least_m < wanted_m), least_m).within(wanted_m);
     Some(row.timed(time_s).say(
         format!(
-            "person {person} is {least_m:.2} m away from the flight sideways{}",
+            "person {person} is {least_m:.2} m from the flight, measured horizontally{}",
             at_time(time_s)
         ),
         format!("{wanted_m:.1} m or more, which a drone without commands can cover"),
@@ -120,7 +120,7 @@ pub(super) fn check_obstacles(shoot: &Shoot, profile: &Profile) -> Diagnostic {
     // half a side of the square beyond the motors.
     let limit_m = ROOM_MARGIN_M + (1.0 + SQRT_2) * shoot.scene.vehicle.arm_m;
     let wanted =
-        format!("{limit_m:.2} m or more from take-off to landing, and straight down from there");
+        format!("{limit_m:.2} m or more from the flight, and from the path straight down from it");
     let (mut least_m, mut nearest) = (f64::INFINITY, None);
     for plan in shoot.plans.iter().map(|planned| &planned.plan) {
         let away = pieces_away_from_mark(&plan.setpoints);
@@ -199,7 +199,7 @@ fn beacons(scene: &Scene, ceiling_m: f64) -> Vec<Thing> {
         } else {
             Solid::Block { ends_m: [[x; 2], [y; 2], [z; 2]], radius_m: BEACON_M }
         };
-        let advice = "put it elsewhere ({sensors.lighthouse.stations}, {sensors.uwb.anchors_m})";
+        let advice = "move it ({sensors.lighthouse.stations}, {sensors.uwb.anchors_m})";
         Thing { name, shape, is_stand: false, advice }
     });
     beacons.collect()

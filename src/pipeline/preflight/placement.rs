@@ -390,8 +390,8 @@ impl CameraPlace {
             // The focal length is rounded down, so that a lens of that length fits.
             let longest_mm = (1e3 * self.longest_equivalent_m).floor();
             return format!(
-                "nowhere: the room is not deep enough for {least_m:.1} m with {equivalent_mm:.0} mm \
-                 (full-frame equivalent); {longest_mm:.0} mm would do{letters}"
+                "nowhere: the room is not deep enough for {least_m:.1} m with {equivalent_mm:.0} \
+                 mm (full-frame equivalent); {longest_mm:.0} mm would fit{letters}"
             );
         };
         let position = position_m.map(meters).join(", ");

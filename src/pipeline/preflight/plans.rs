@@ -174,7 +174,7 @@ fn speed(plan: &Plan, profile: &Profile) -> Diagnostic {
         return row.timed(time_s).say(
             format!(
                 "positions move at {moved_m_s:.2} m/s, but velocities are {velocity_m_s:.2} m/s, \
-                 which differs by {:.0} % of the path",
+                 a difference of {:.0} % of the path",
                 100.0 * mismatch_frac
             ),
             format!("velocities that agree with the positions, up to {most_m_s} m/s"),

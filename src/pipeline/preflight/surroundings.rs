@@ -19,7 +19,7 @@ const COVERAGE_STEP_M: f64 = 0.1;
 
 /// Checks that two base stations see the flight's whole bounding box.
 pub(super) fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Diagnostic> {
-    const WANTED: &str = "base stations, and a flight for them to see";
+    const WANTED: &str = "base stations, and a flight";
     if !is_by_lighthouse(scene) {
         let unused = Diagnostic::check("coverage", Severity::Fine, None).within(1.0);
         return Ok(unused.say("not used, because the drone does not fly by Lighthouse", "", ""));
@@ -50,10 +50,10 @@ pub(super) fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Diagnostic> {
     let seen_percent = 100.0 * seen_frac;
     Ok(Diagnostic::check("coverage", stop_if(seen_frac < 1.0), seen_frac).within(1.0).say(
         format!("{seen_percent:.1} % of the flight's box is seen by two base stations{without}"),
-        "two Lighthouse stations see every place",
+        "two Lighthouse stations see every position",
         // Advice to remove a cause takes precedence over advice to write a smaller word.
         match (silent.is_empty(), scene.sensors.lighthouse.people_m.is_empty()) {
-            (false, _) => "let every station send ({sensors.lighthouse.silent})",
+            (false, _) => "make sure that every station transmits ({sensors.lighthouse.silent})",
             (true, false) => "move people out of the light ({sensors.lighthouse.people_m})",
             (true, true) => {
                 "write smaller or lower ({letters.canvas_m}, {letters.baseline_m}), or move the \
@@ -165,7 +165,7 @@ fn baseline(scene: &Scene) -> Diagnostic {
     Diagnostic::check("baseline", warn_if(is_near), widest_m).within(BASELINE_M).say(
         format!("base stations are {widest_m:.2} m apart"),
         format!("{BASELINE_M} m or more between two of them"),
-        "hang them in opposite corners of the room ({sensors.lighthouse.stations})",
+        "mount them in opposite corners of the room ({sensors.lighthouse.stations})",
     )
 }
 
@@ -173,9 +173,9 @@ fn baseline(scene: &Scene) -> Diagnostic {
 fn sunlight(scene: &Scene, profile: &Profile) -> Diagnostic {
     let is_blind = is_by_lighthouse(scene) && profile.is_outdoors;
     Diagnostic::check("sunlight", warn_if(is_blind), None).say(
-        "flown outdoors by Lighthouse, whose infrared receivers the sun blinds",
+        "an outdoor flight with Lighthouse, whose infrared receivers sunlight blinds",
         "darkness, or positioning that sunlight does not disturb",
-        "fly after dusk, or by {sensors.positioning=uwb-twr}",
+        "fly after dusk, or with {sensors.positioning=uwb-twr}",
     )
 }
 

@@ -21,7 +21,7 @@ const SCENE: &str = "scene.toml";
 const FILE: Limit = Limit {
     bytes: 128 << 20,
     what: "a plan or a flight",
-    hint: "cut it, or remove some of its rows",
+    hint: "shorten it, or remove some of its rows",
 };
 
 /// Text of a scene that came with a file.

@@ -116,7 +116,7 @@ impl Scene {
             return Self::parse_in(&text::read_file(path)?, &file, &folder_of(path), settings);
         }
         let Some(toml) = photo::read_with_notes(path)?.0.into_data().scene_toml else {
-            let (actual, wanted) = ("a photo without a scene", "a photo of this program");
+            let (actual, wanted) = ("a photo without a scene", "a photo made by this program");
             return Err(Error::input(file, actual, wanted, "name the scene's own file"));
         };
         Self::parse_in(&toml, &format!("{file} (scene)"), &folder_of(path), settings)

@@ -66,7 +66,7 @@ impl Scene {
         let names: Vec<&str> =
             shipped.chain(Preset::ALL.iter().map(|preset| preset.name())).collect();
         let hint = suggestion(name, names.iter().copied(), || {
-            "print a scene into a file to begin with".into()
+            "print a scene to a file as a starting point".into()
         });
         let wanted =
             format!("a scene file, a folder with scene.toml, or one of {}", names.join(", "));

@@ -229,8 +229,8 @@ fn check_camera_position(
             let distance_m = (sample.position_m - camera.position_m).norm();
             if distance_m < MIN_DISTANCE_M {
                 let what = format!(
-                    "the camera at [{x}, {y}, {z}] is {:.3} m from lamp `{}` at {:.2} s, where at \
-                     least {MIN_DISTANCE_M} m from every lit lamp are wanted",
+                    "the camera at [{x}, {y}, {z}] is {:.3} m from lamp `{}` at {:.2} s, but must \
+                     be at least {MIN_DISTANCE_M} m from every lit lamp",
                     (1e3 * distance_m).floor() / 1e3,
                     lamp.label(),
                     sample.time_s

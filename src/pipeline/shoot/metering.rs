@@ -56,7 +56,7 @@ impl Metered {
     /// Returns what a camera requires in addition to its settings, such as a filter, or `None`.
     pub fn help(&self) -> Option<String> {
         let mode = self.longest_s.map(|s| {
-            format!("use a night or light-trail mode: one exposure lasts {s:.0} s at most")
+            format!("use a night or light-trail mode: one exposure lasts at most {s:.0} s")
         });
         let filter = match self.filter_stops {
             0 => None,

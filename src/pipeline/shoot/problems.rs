@@ -128,14 +128,16 @@ pub(super) fn before_photo(
     let mut problems = Vec::new();
     let (early_s, late_s) = (last_s - close_s, open_s - first_s);
     if early_s > SLACK_S {
-        let message =
-            format!("the shutter closes at {close_s:.1} s, {early_s:.1} s before the word is done");
-        let closes = obstacle("shutter-closes", message, "leave {camera.shutter_close_s} out");
+        let message = format!(
+            "the shutter closes at {close_s:.1} s, {early_s:.1} s before the word is \
+                     complete"
+        );
+        let closes = obstacle("shutter-closes", message, "omit {camera.shutter_close_s}");
         problems.push(closes.with("at_s", close_s).with("early_s", early_s));
     }
     if late_s > SLACK_S {
         let message =
-            format!("the shutter opens at {open_s:.1} s, {late_s:.1} s after the word is begun");
+            format!("the shutter opens at {open_s:.1} s, {late_s:.1} s after the word begins");
         let opens = obstacle("shutter-opens", message, "set {camera.shutter_open_s=0}");
         problems.push(opens.with("at_s", open_s).with("late_s", late_s));
     }
@@ -246,7 +248,8 @@ pub(super) fn log_gaps(flight: &Flight) -> impl Iterator<Item = Diagnostic> {
     let (bridged, open): (Vec<Gap>, Vec<Gap>) = gaps(flight).into_iter().partition(Gap::is_bridged);
     let most_m = bridged.iter().map(|gap| gap.uncertainty_m).fold(0.0, f64::max);
     let smooth = format!("bridged by a smooth path, uncertain by up to {:.0} mm", 1e3 * most_m);
-    let broken = "too long to bridge, so that trails break there, though the lamps may have shone";
+    let broken = "too long to bridge, so trails have gaps there, although the lamps may have been \
+                  lit";
     let kinds = [(bridged, smooth), (open, broken.to_owned())].into_iter();
     kinds.filter(|(gaps, _)| !gaps.is_empty()).map(|(gaps, effect)| {
         let spans = gaps.iter().take(MAX_SPANS).map(|gap| gap.span_s);

@@ -108,7 +108,7 @@ pub(super) fn is_kept(strokes: &Strokes, style: &EvenStyle) -> bool {
 pub(super) fn as_drawn(strokes: &Strokes, speed_m_s: f64) -> Result<Vec<PenStroke>> {
     let drawn = pen_strokes(strokes);
     if drawn.is_empty() {
-        let hint = "write letters that leave light";
+        let hint = "write letters with strokes";
         return Err(Error::input("drawing", "no lit stroke", "at least one", hint));
     }
     // Both limits are checked before the search for the order, whose time grows with the square of

@@ -208,10 +208,10 @@ impl ObserverOptions {
         // The Kalman filters can use any measurement, but other estimators require certain ones.
         let (kind, wanted) = match self.kind {
             EstimatorKind::Altitude if !measures_altitude => {
-                ("altitude without a sensor of altitude", "satellites, a ranger or a barometer")
+                ("altitude without an altitude sensor", "satellites, a ranger or a barometer")
             }
             EstimatorKind::Luenberger if !gives_positions => {
-                ("luenberger with a positioning that gives no positions", "ekf")
+                ("luenberger with a positioning system that reports no positions", "ekf")
             }
             EstimatorKind::Cooperative if sensors.positioning != Positioning::UwbTwr => {
                 ("cooperative without the ranges to anchors and drones of uwb-twr", "ekf")

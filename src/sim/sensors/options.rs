@@ -376,7 +376,7 @@ impl UwbOptions {
                 Err(input_error!(
                     "sensors.uwb.heard",
                     "{n} lists for at least {drone} drones",
-                    "a list for each drone, or none",
+                    "one list per drone, or no lists",
                     "list the anchors that each drone hears"
                 ))
             }
@@ -411,7 +411,7 @@ impl UwbOptions {
                     "",
                     "{anchor}",
                     "each index once, from 0 to {most}",
-                    "an index is a place in the list sensors.uwb.anchors_m, counted from 0"
+                    "an index is a position in the list sensors.uwb.anchors_m, counted from 0"
                 )
                 .of_item("", i)
                 .of_item(list, drone));

@@ -21,7 +21,7 @@ fn from_yaml<T: DeserializeOwned>(text: &str, file: &str, hint: &str) -> Result<
         let faulty = usize::try_from(line - 1).ok().and_then(|row| text.lines().nth(row));
         let shown: String = faulty.unwrap_or_default().trim().chars().take(MOST_SHOWN).collect();
         let quoted = format!("`{shown}`: {}", error.without_snippet());
-        Error::input("", quoted, "the form that Bitcraze's programs write", hint)
+        Error::input("", quoted, "the format that Bitcraze's programs write", hint)
             .in_file(file, line)
     })
 }

@@ -101,7 +101,7 @@ pub(super) fn place(
         let left_m = best.left_m;
         return Err(input_error!(
             "flights A and B",
-            "paths {apart_m:.2} m apart, and {left_m:.2} m after the best turn and shift",
+            "paths {apart_m:.2} m apart, and {left_m:.2} m after the best rotation and shift",
             "paths in one frame",
             "they use two frames, so convert one log, or compare flights that have setpoints",
         ));

@@ -124,7 +124,11 @@ pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Co
     let (Some(first), Some(last)) = (pairs.first(), pairs.last()) else {
         let [a, b] = [samples_a, samples_b]
             .map(|s| format!("{:.2} … {:.2} s", s[0].time_s, s[s.len() - 1].time_s));
-        let (spans, wanted) = (format!("A at {a}, B at {b}"), "a time that both cover");
+        let (spans, wanted) = (
+            format!("A at {a}, B at {b}"),
+            "a time range that both flights \
+                                                               cover",
+        );
         let hint = "shift B's clock, or compare two flights of the same plan";
         let error = Error::input("flights A and B", spans, wanted, hint);
         return Err(error.coded("clocks-apart"));
@@ -199,7 +203,7 @@ fn check_words(a: &Flight, b: &Flight) -> Result<()> {
     Err(input_error!(
         "flights A and B",
         "letters that lie {apart_m:.2} m apart",
-        "two flights of the same word at the same place",
+        "two flights of the same word at the same position",
         "compare flights of the same word",
     ))
 }

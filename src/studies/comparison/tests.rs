@@ -192,7 +192,7 @@ fn one_frame_is_not_moved_and_two_that_no_transform_joins_are_refused() {
     near(near_by.mean_m.x, -0.05, 1e-3, "an error of centimeters is an error");
     let wild = captured(0.9, Vector3::new(2.0, 0.0, 0.0), 0.1);
     let error = compare(&a, &wild, &options).unwrap_err().to_string();
-    assert!(error.contains("after the best turn and shift"), "{error}");
+    assert!(error.contains("after the best rotation and shift"), "{error}");
     // Setpoints define the frame, so a flight elsewhere is an actual displacement.
     let mut elsewhere = aside(1.0, 0.01);
     elsewhere.edit(|elsewhere| {

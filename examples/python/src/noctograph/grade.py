@@ -304,7 +304,7 @@ def _handed(folder: Path, student: str) -> list[tuple[str, Path]]:
     entries = sorted(folder.iterdir())
     hidden = [it.name for it in entries if it.name.startswith((".", "_"))]
     if hidden:
-        print(f"warning: {folder}: not read, as hidden: {', '.join(hidden)}", file=sys.stderr)
+        print(f"warning: {folder}: hidden files are not read: {', '.join(hidden)}", file=sys.stderr)
     files: list[tuple[str, Path]] = []
     for it in entries:
         if it.name in hidden:

@@ -164,8 +164,8 @@ fn calibration_warnings(config: &Config) -> Vec<String> {
     let mut warnings = Vec::new();
     if !calibrated.is_empty() {
         warnings.push(format!(
-            "the factory calibration of base station {calibrated} has no effect: sweep angles are \
-             simulated as they are after the firmware has undone it"
+            "the factory calibration of base station {calibrated} has no effect, because sweep \
+             angles are simulated as the firmware computes them after this calibration"
         ));
     }
     if !unplaced.is_empty() {
