@@ -259,8 +259,8 @@ fn in_words(cause: Discrepancy) -> (String, &'static str) {
             "measure B's drone and adjust the scene: noctograph identify B",
         ),
         Discrepancy::Noise(m) => (
-            format!("B oscillates about its path by {:.0} mm (RMS)", 1e3 * m),
-            "lower the gains, or check the propellers and the measured positions",
+            format!("B oscillates about its path with {:.0} mm (RMS)", 1e3 * m),
+            "reduce the gains, or check the propellers and the measured positions",
         ),
     }
 }

@@ -170,7 +170,7 @@ pub(super) struct DesignFlags {
     /// Flight style
     #[arg(long, value_name = "NAME", value_parser = names::<Style>())]
     style: Option<String>,
-    /// Drones that write the word together
+    /// Number of drones that write the word together
     #[arg(long, value_name = "N")]
     drones: Option<u32>,
 }
@@ -416,7 +416,7 @@ fn plans_in(input: &str) -> Result<Vec<PathBuf>> {
     // The sorted numbers must be 1, 2, 3 and so on.
     if let Some((wanted, (_, other))) = (1..).zip(&plans).find(|(n, plan)| *n != plan.0) {
         let (actual, wanted) = (file_name(other), format!("plan-{wanted}.csv first"));
-        return Err(Error::input(input, actual, wanted, "list the plans that fly together"));
+        return Err(Error::input(input, actual, wanted, "name all plans that fly together"));
     }
     match plans.is_empty() {
         true => Ok(vec![input.into()]),

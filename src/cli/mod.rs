@@ -129,14 +129,14 @@ verbs! {
         Preview(preview::PreviewArgs)
             "noctograph preview HELLO\n\
              noctograph preview NOOR --set camera.iso=200 --seed 7 -o noor",
-        /// Serve the page: photos while one types or draws, in the browser
+        /// Serve the page, which shows photos while you type or draw
         Serve(serve::ServeArgs) "noctograph serve --open",
-        /// Check that a word or a plan is safe to fly and will show
+        /// Check that a word or a plan is safe to fly, and that the photo shows it
         Check(check::CheckArgs) "noctograph check HELLO --room 4x6x2.5",
         /// Export a plan for drones: scripts, trajectories, shows, gains
         Export(export::ExportArgs)
             "noctograph export HELLO --room 4x6x2.5 --to cflib -o HELLO.py",
-        /// Expose flights: their long-exposure photograph (PNG, EXR)
+        /// Render the long-exposure photograph of flights (PNG, EXR)
         Expose(expose::ExposeArgs)
             "noctograph expose noctograph-out/flight.csv --word HELLO -o photo.png",
         /// Judge whether a photograph's word is legible, and why not
@@ -151,9 +151,9 @@ verbs! {
         Read(read::ReadArgs) "noctograph read photo.png",
     }
     "Before a flight" {
-        /// Meter the lamps: stops over saturation, and the right settings
+        /// Meter the exposure of the lamps, and recommend camera settings
         Meter(meter::MeterArgs) "noctograph meter HELLO --set camera.body=galaxy-s24",
-        /// Map how well stations or anchors can place the drone
+        /// Map how accurately stations or anchors can locate the drone
         Coverage(coverage::CoverageArgs) "noctograph coverage HELLO --room 4x6x2.5",
     }
     "After a flight" {
@@ -161,7 +161,7 @@ verbs! {
         Import(import::ImportArgs) "noctograph import log.csv --word NOOR -o flown.csv",
         /// Compare two flights: errors, lag, drift and plots
         Compare(compare::CompareArgs) "noctograph compare flight.csv flown.csv --align flown",
-        /// Lay a render over a real photograph, and show the difference
+        /// Overlay a render on a real photograph, and show the difference
         ComparePhoto(compare_photo::ComparePhotoArgs) "noctograph compare-photo photo.png real.jpg",
         /// Identify thrust, center of mass and noise from a flight log
         Identify(identify::IdentifyArgs) "noctograph identify log.csv",
@@ -176,7 +176,7 @@ verbs! {
         /// Tune gains, observer and speed for legible words
         Tune(tune::TuneArgs)
             "noctograph tune cf21 --words I:1 --budget 40 --test-words O --test-seeds 1",
-        /// Hold an altitude on three imperfect sensors: figures and plots
+        /// Simulate an altitude hold with three imperfect sensors
         Hold(hold::HoldArgs) "noctograph hold --scenario calm --runs 4",
     }
     "Files" {
@@ -187,7 +187,7 @@ verbs! {
         /// Generate shell completions and man pages
         Generate(generate::GenerateArgs)
             "noctograph generate man\nnoctograph generate completions bash -o noctograph.bash",
-        /// Print the licenses of the packages that are built in (also --notices)
+        /// Print the licenses of the built-in packages (also --notices)
         #[command(long_flag = "notices")]
         Notices(notices::NoticesArgs) "noctograph notices",
     }

@@ -15,8 +15,7 @@ use clap::Args;
 /// Flags that select the camera.
 #[derive(Debug, Args)]
 pub(super) struct CameraFlags {
-    /// Camera, which is that of another scene, or auto (directly in front of the word, which it
-    /// frames)
+    /// Camera of another scene, or auto (directly in front of the word, which it frames)
     #[arg(long, value_name = "SCENE|auto")]
     camera: Option<String>,
     /// Photograph whose EXIF sets sensor, lens, aperture, shutter time, ISO and aspect

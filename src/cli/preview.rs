@@ -44,7 +44,7 @@ pub(super) struct PreviewArgs {
     profile: ProfileFlags,
     #[command(flatten)]
     spread: SpreadFlags,
-    /// Fly the exported trajectory in this form, decoded as in the firmware
+    /// Fly the exported trajectory in this format, decoded as in the firmware
     #[arg(long, value_name = "FORM", value_parser = named::<Form>())]
     as_exported: Option<Form>,
     /// Also write report.html, a single page with all results to print or to hand in

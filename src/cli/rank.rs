@@ -20,11 +20,10 @@ use clap::Args;
 use serde_json::json;
 
 #[derive(Debug, Args)]
-#[command(after_help = "Every flight is added to OUTPUT/flights.jsonl at once. An interrupted \
-                        command continues when it is repeated, and comes to the same numbers.\n\n\
-                        On many machines, with a folder that all of them see: each flies a shard, \
-                        and the same command without --shard ranks them. With GNU parallel:\n  seq \
-                        40 | parallel --sshlogin a,b noctograph rank team tuned \\\n    --words \
+#[command(after_help = "Every flight is added to OUTPUT/flights.jsonl at once. To continue an \
+                        interrupted command, repeat it; the results are the same.\n\nSeveral \
+                        machines with a shared folder can each fly a shard. The same command \
+                        without --shard then ranks them. With GNU parallel:\n  seq 40 | parallel --sshlogin a,b noctograph rank team tuned \\\n    --words \
                         NOOR:9999 --threads 1 --parts parts --shard {}/40\n  noctograph rank team \
                         tuned --words NOOR:9999 --parts parts\nWith Slurm: sbatch --array=1-40 \
                         --wrap 'noctograph ... --shard $SLURM_ARRAY_TASK_ID/40'\nWith Dask: \

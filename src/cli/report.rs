@@ -15,8 +15,8 @@ use noctograph_core::files::{Limit, Text, ending, entries_in, file_name as name,
 use serde_json::{Value, json};
 
 #[derive(Debug, Args)]
-#[command(after_help = "The folders of rank, tune, hold, locate and preview. `noctograph preview \
-                        --report` shows more about a single photograph.")]
+#[command(after_help = "The folder may be the output of rank, tune, hold, locate or preview. \
+                        `noctograph preview --report` shows more about a single photograph.")]
 pub(super) struct ReportArgs {
     /// Output folder of a verb
     folder: PathBuf,

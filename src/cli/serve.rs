@@ -33,11 +33,11 @@ pub(super) struct ServeArgs {
     /// lost when the program ends]
     #[arg(long, value_name = "DIR")]
     gallery: Option<PathBuf>,
-    /// Also serve the local network. Whoever has the address may write, draw and send
+    /// Also serve the local network. Anyone who has the address may write, draw and send
     #[arg(long)]
     network: bool,
-    /// Print the address of the page for a screen in a hall, without settings and downloads, which
-    /// returns to the start after a minute
+    /// Print the address of a page for a screen in a hall, which has no settings or downloads, and
+    /// resets after a minute without input
     #[arg(long)]
     kiosk: bool,
     /// Show entries on the wall before they are approved

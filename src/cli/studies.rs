@@ -86,7 +86,7 @@ impl StudyFlags {
             return Ok((text.to_owned(), self.seeds.unwrap_or(usual)));
         };
         let n = n.parse().map_err(|_not_a_number| {
-            let wanted = "WORD:N with a whole number of seeds";
+            let wanted = "WORD:N, where N is a whole number of seeds";
             Error::input("words", text, wanted, "for example NOOR:200,LOG:20")
         })?;
         Ok((word.to_owned(), n))

@@ -24,7 +24,7 @@ const FILES: [&str; 3] = ["scene.toml", "candidates.csv", "pareto.svg"];
 
 #[derive(Debug, Args)]
 #[command(
-    after_help = "The tuned scene is OUTPUT/scene.toml, which preview and rank take. Knobs are \
+    after_help = "The tuned scene is OUTPUT/scene.toml, which preview and rank accept. Knobs are \
                   keys of the scene with a range, a range of factors, or a choice:\n  --knob \
                   plan.stroke_speed_m_s=0.1..0.4\n  --knob 'controller.lqr.q[2]*=0.1..10'\n  --knob \
                   'controller.kind=lqr|lqr-integral'"

@@ -80,7 +80,7 @@ pub(crate) fn check_length(name: &str, n_rows: usize, n_times: usize) -> Result<
     if n_rows == n_times {
         return Ok(());
     }
-    let wanted = format!("{n_times} rows, as in time_s");
+    let wanted = format!("{n_times} rows, as many as in time_s");
     Err(Error::input(name, format_args!("{n_rows} rows"), wanted, FINITE_HINT))
 }
 
@@ -131,7 +131,10 @@ pub fn check_picture(size_px: [u32; 2], n_values: usize, n_channels: usize) -> R
         return Ok(());
     }
     let actual = format!("{n_values} values for {width_px} x {height_px} pixels");
-    let wanted = format!("one pixel or more, and {n_channels} values for each: {n_wanted}");
+    let wanted = format!(
+        "at least one pixel, and {n_channels} values per pixel, which is \
+                          {n_wanted}"
+    );
     Err(Error::input(
         "picture",
         actual,
@@ -207,7 +210,7 @@ mod tests {
         };
         assert!(Photo::new(photo(2, 12)).is_ok());
         refused(Photo::new(photo(2, 11)), &["11 values for 2 x 2 pixels", "12"]);
-        refused(Photo::new(photo(0, 0)), &["0 x 2 pixels", "one pixel or more"]);
+        refused(Photo::new(photo(0, 0)), &["0 x 2 pixels", "at least one pixel"]);
         let many = PhotoData { height_px: u32::MAX, ..photo(u32::MAX, 3) };
         refused(Photo::new(many), &["3 values for 4294967295 x 4294967295 pixels"]);
         let cell = Cell { left_m: 0.0, baseline_m: f64::NAN, width_m: 1.0, cap_height_m: 1.0 };

@@ -121,7 +121,8 @@ impl Rules for StrokesData {
     fn check(&self) -> Result<()> {
         let (n, colors) = (self.glyphs.len(), self.colors.len());
         if colors != 0 && colors != n {
-            let (actual, wanted) = (format!("{colors} colors"), format!("{n}, one for each glyph"));
+            let (actual, wanted) =
+                (format!("{colors} colors"), format!("{n} colors, one per glyph"));
             return Err(Error::input("colors", actual, wanted, "give one color per glyph"));
         }
         // The cell and the moves of each glyph are checked together.
@@ -138,7 +139,12 @@ impl Rules for StrokesData {
             }
             if let Some(Move { pace, .. }) = moves.iter().find(|step| step.pace <= 0.0) {
                 let actual = format!("a pace of {pace} in row {row}");
-                return Err(Error::input("glyphs", actual, "paces above 0", "1 is the usual pace"));
+                return Err(Error::input(
+                    "glyphs",
+                    actual,
+                    "paces above 0",
+                    "a pace of 1 is normal",
+                ));
             }
         }
         Ok(())

@@ -87,7 +87,7 @@ fn firmware(job: &Job<'_>) -> Result<(u32, Platform)> {
     };
     let Some(platform) = job.checks.platform else {
         let drone = "a drone without Bitcraze's firmware";
-        let hint = "name the preset of the drone that flies";
+        let hint = "name the preset of the drone";
         return Err(Error::input("preset", drone, "a Crazyflie", hint));
     };
     if clock != 1.0 {

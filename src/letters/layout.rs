@@ -193,7 +193,7 @@ fn refused(part: &str, font: &Font, n_before: usize, unset: Unset) -> Error {
             place,
             "a word that the rules of {name} expand without end",
             "a word of finite length",
-            "use another font, or write fewer of its letters in a row",
+            "use another font, or a shorter sequence of its letters",
         ),
         // Letters that touch are traced as a single outline.
         Unset::TooLarge(_, n) => input_error!(

@@ -245,7 +245,7 @@ pub fn locate_augmented(
     let samples = checked(anchors_m, tracks.len(), samples)?;
     let [low_m, high_m] = extent_m(anchors_m);
     let Some(mut before_s) = samples.first().map(|first| first.time_s) else {
-        return Err(Error::input("ranges", "none", "a range", "log the ranges of the flight"));
+        return Err(Error::input("ranges", "none", "a range", "log the ranges during the flight"));
     };
     // All drones start at the anchors' center, with the anchors' extent as standard deviation.
     let hand_over_s = before_s + HAND_OVER_S;

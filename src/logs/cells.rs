@@ -41,7 +41,7 @@ pub(super) fn read_rows(
     if !texts.is_empty() && sheet.columns.iter().all(is_text_or_time) {
         let actual = format_args!("texts in {}", texts.join(", "));
         let hint = "write each variable to its own column, below a header t,x,y,z";
-        return Err(Error::input(file, actual, "a number in each cell", hint));
+        return Err(Error::input(file, actual, "one number in each cell", hint));
     }
     if !texts.is_empty() {
         sheet.notes.push(format!("text cells are not read: {}", texts.join(", ")));

@@ -43,7 +43,7 @@ pub(super) fn repaired(mut log: Recording, options: &ImportOptions) -> Result<Re
 fn check_order(block: &Block, file: &str) -> Result<()> {
     let n = block.time_s.len();
     if n > 2 && block.time_s.iter().all(|time_s| *time_s == block.time_s[0]) {
-        let (same, hint) = (format!("{n} equal times"), "write times with all their digits");
+        let (same, hint) = (format!("{n} equal times"), "write the times with all digits");
         return Err(Error::input(file, same, "times that rise", hint));
     }
     let falls = block.time_s.windows(2).filter(|pair| pair[1] < pair[0]).count();

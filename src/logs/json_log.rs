@@ -59,7 +59,7 @@ pub(super) fn read(text: &Text<'_>, job: Job<'_>) -> Result<Recording> {
     let mut text = listed(&text.bytes).unwrap_or_else(|| text.bytes.to_vec());
     let depth = replace_nan(&mut text);
     if depth > MAX_DEPTH {
-        let actual = format!("lists and objects nested {depth} deep");
+        let actual = format!("lists and objects with {depth} levels of nesting");
         return Err(Error::input(file, actual, format!("at most {MAX_DEPTH} levels"), HINT));
     }
     let broken = serde_json::from_slice::<IgnoredAny>(&text).err();

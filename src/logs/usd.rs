@@ -50,7 +50,7 @@ pub(super) fn read(bytes: &[u8], job: Job<'_>) -> Result<Recording> {
     if !is_crc_right || length < end {
         let byte = cursor.offset + length;
         if (is_crc_right || !is_cut_off) && options.damaged == Damaged::Refuse {
-            let wanted = "records of known events, then the CRC32 of all bytes before it";
+            let wanted = "records of known events, and then the CRC32 of all preceding bytes";
             return Err(cursor.error(byte, damage, wanted));
         }
         log.warn("log-cut", format!("byte {byte}: {damage}; {n} records before it are read"));
@@ -189,7 +189,7 @@ impl Cursor<'_> {
                 let split = text.strip_suffix(')').and_then(|text| text.rsplit_once('('));
                 let decoder = split.and_then(|(_, kind)| decoder(kind));
                 let (Some((variable, _)), Some(decoder)) = (split, decoder) else {
-                    let wanted = "name(type) with a type of b B h H i I q Q e f d";
+                    let wanted = "name(type), where the type is one of b B h H i I q Q e f d";
                     return Err(self.error(start, format!("{text:?}"), wanted));
                 };
                 // The name of a variable in the log table includes its group. Other variables are

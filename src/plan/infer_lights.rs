@@ -19,8 +19,9 @@ const ON_MOVE_M: f64 = 0.01;
 /// common.
 const LEAST_FLOWN: f64 = 0.6;
 
-const HINT: &str = "name the word that was flown, and the size of its letters under [letters]. A \
-                    log without lights must write them stroke by stroke, as style team does";
+const HINT: &str = "name the word that was flown, and the size of its letters under [letters]. In \
+                    a log without lights, the letters must be written stroke by stroke, as in \
+                    style team";
 
 /// Adds letters and the column `light.headlights` to a flight that draws the given strokes.
 ///

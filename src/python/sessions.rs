@@ -55,7 +55,7 @@ impl SeededFlight {
                 Ok((prepared.judge(Ok(vec![flight]), self.seed)?, grounded))
             }
             (lost, _) => {
-                let how = lost.unwrap_or_else(|| "the flight was never started".into());
+                let how = lost.unwrap_or_else(|| "the flight was not started".into());
                 Ok((Outcome::lost(prepared.word(), how), None))
             }
         }

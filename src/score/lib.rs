@@ -113,7 +113,7 @@ fn check(strokes: &Strokes) -> Result<()> {
         return Err(Error::input("word", "an empty word", "at least one letter", hint));
     }
     if strokes.font.is_none() {
-        let hint = "judge the photo by eye, since only words are read";
+        let hint = "judge the photo by eye, because only words can be read";
         return Err(Error::input("word", "a drawing", "a word", hint));
     }
     let refuse = |index: usize, wanted: &str| {

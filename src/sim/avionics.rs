@@ -289,7 +289,7 @@ impl Avionics {
         let keys = tuning_keys(self.kinds);
         Err(Error::infeasible(
             format!("the drone {fault} after {time_s:.3} s"),
-            format!("check {keys} against the vehicle, and that the plan makes no large jump"),
+            format!("check that {keys} match the vehicle, and that the plan has no large jumps"),
         ))
     }
 

@@ -186,7 +186,7 @@ impl Conditions {
         }
         let conditions: Self = toml::from_str(toml).map_err(|error| {
             let problem = error.message().lines().next().unwrap_or_default().to_owned();
-            Error::input(file, problem, "conditions of flights as TOML", hint)
+            Error::input(file, problem, "flight conditions in TOML", hint)
         })?;
         conditions.check()?;
         Ok(conditions)

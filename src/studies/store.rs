@@ -120,7 +120,7 @@ impl Store {
         for file in [&path, &folder.join(LOCK), &folder.join(HEADER_FILE)] {
             // A named pipe would block the program.
             if file.exists() && !file.is_file() {
-                let wanted = "a file, or nothing yet";
+                let wanted = "a file, or no file yet";
                 return Err(Error::input(file.display(), "no regular file", wanted, ANOTHER));
             }
         }

@@ -386,7 +386,7 @@ fn an_unwritable_folder_is_refused_before_the_flight() {
 #[test]
 fn sizes_that_cannot_be_are_refused() {
     for size in ["0x0", "100000x100000"] {
-        fails(&["preview", "NOOR", "--size", size], &[], &[size, "sides from 1 to"]);
+        fails(&["preview", "NOOR", "--size", size], &[], &[size, "sides of 1 to"]);
     }
 }
 

@@ -30,10 +30,10 @@ fn times_of_days_and_numbers_beyond_a_drones_world_are_refused() {
     let own = format!("time_s,x_m,y_m,z_m,yaw_rad,pitch_rad,roll_rad\n{rows}")
         .replace("1\n", "1,0,0,0\n");
     let late = format!("{own}10000000,0,0,1,0,0,0\n");
-    let wanted = ["f.csv:11: column time_s", "are these milliseconds?"];
+    let wanted = ["f.csv:11: column time_s", "are the times in milliseconds?"];
     fails(&["expose", "f.csv", "--word", "I"], &[("f.csv", &late)], &wanted);
     let log = format!("t,x,y,z\n{rows}10000000,0,0,1\n");
-    fails(&["import", "l.csv"], &[("l.csv", &log)], &["of log", "are these milliseconds?"]);
+    fails(&["import", "l.csv"], &[("l.csv", &log)], &["of log", "are the times in milliseconds?"]);
     let wild = format!("{own}10,1e308,0,1,0,0,0\n");
     let wanted = ["f.csv:11: column x_m", "within"];
     fails(&["compare", "f.csv", "f.csv"], &[("f.csv", &wild)], &wanted);

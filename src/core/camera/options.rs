@@ -139,14 +139,14 @@ impl CameraOptions {
         Described::check(self, "camera", None)?;
         let least = self.lens.figures().min_f_number;
         if self.body.fixed_lens().is_none() && self.f_number < least {
-            let hint = "stop the lens down, or choose a faster lens";
+            let hint = "choose a larger f-number, or a faster lens";
             let wanted = format!("at least {least} with this lens");
             return Err(Error::input("camera.f_number", self.f_number, wanted, hint));
         }
         let open_s = self.shutter_open_s;
         if let Some(close_s) = self.shutter_close_s.filter(|close_s| *close_s < open_s) {
             let wanted = format!("a time not before camera.shutter_open_s, {open_s}");
-            let hint = "let the shutter close after it opens";
+            let hint = "set camera.shutter_close_s to a time after camera.shutter_open_s";
             return Err(Error::input("camera.shutter_close_s", close_s, wanted, hint));
         }
         if let Framing::Fixed(pose) = &self.framing {
@@ -267,7 +267,7 @@ impl FixedPose {
             "camera.framing.orientation_wxyz",
             "a quaternion of length {length}",
             "a unit quaternion",
-            "divide it by its length",
+            "divide the quaternion by its length",
         ))
     }
 }
@@ -286,7 +286,7 @@ pub fn check_size(width_px: u32, height_px: u32) -> Result<()> {
     Err(input_error!(
         "camera.width_px",
         "{width_px}x{height_px}",
-        "sides from 1 to {MAX_SIDE_PX} and at most {MAX_PIXELS} pixels",
+        "sides of 1 to {MAX_SIDE_PX} pixels, and at most {MAX_PIXELS} pixels in total",
         "choose a size such as 1920x1080, or fewer dots per inch (a film takes 12 bytes per pixel)",
     ))
 }

@@ -202,7 +202,7 @@ fn title_notes(table: &Table) -> Result<Vec<String>> {
         let near = near.or(is_light.then_some("light.<channel>"));
         if let Some(near) = near.filter(|_| !is_standard_column(title)) {
             notes.push(format!(
-                "column {title} is kept but not used: a flight's column is named {near}"
+                "column {title} is kept but not used, because its name is not exactly {near}"
             ));
         }
     }

@@ -223,7 +223,7 @@ impl Table {
 
 /// Hint for a flight longer than an hour.
 pub const MILLISECONDS_HINT: &str =
-    "are these milliseconds? Convert them to seconds, or cut the file to one flight";
+    "are the times in milliseconds? Convert them to seconds, or cut the file to one flight";
 
 const SMALLER_HINT: &str = "reduce the rate of the log, or split it into parts";
 

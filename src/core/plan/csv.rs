@@ -84,7 +84,7 @@ impl Plan {
     fn from_table(table: &Table) -> Result<Self> {
         if let Some(note) = table.notes().first() {
             let (wanted, hint) =
-                ("a plan in the program's format", "have the program write the plan");
+                ("a plan in the program's format", "write the plan with the program");
             return Err(Error::input("text", note, wanted, hint));
         }
         // Times may be Unix timestamps, but other quantities must be within the range of a drone.

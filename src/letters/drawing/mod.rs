@@ -158,7 +158,7 @@ fn foreign(kind: &str, file: &str) -> Error {
         "tif" | "tiff" | "jp2" | "jxl" | "pgm" | "ppm" | "pbm" | "tga" | "psd" | "psb" | "ico"
         | "xcf" | "kra" | "procreate" => (
             "a picture in an unsupported format",
-            "open it in the program that made it, and export it as PNG",
+            "open the picture in the program that made it, and export it as PNG",
         ),
         "pdf" | "ai" | "eps" => {
             ("a document", "save the page as SVG, for example with Inkscape, or as PNG")
@@ -213,7 +213,7 @@ fn by_color(
     if inks.len() > MAX_COLORS {
         return Err(input_error!(
             file,
-            "a drawing with more colors",
+            "a drawing with too many colors",
             "at most {MAX_COLORS} colors",
             "draw with fewer colors, or with a lamp other than color-led",
         ));
@@ -320,7 +320,7 @@ impl Placing {
 fn too_many(file: &str) -> Error {
     input_error!(
         file,
-        "a drawing with more points",
+        "a drawing with too many points",
         "at most {MAX_POINTS} points",
         "simplify the drawing, or raise letters.tolerance_m",
     )

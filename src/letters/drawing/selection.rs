@@ -33,7 +33,7 @@ pub(super) fn chosen<T>(
     let mut kept: Numbered<T> = (1..).zip(strokes).collect();
     kept.retain(|(number, _)| (is_all || wanted[number - 1]) && !unwanted[number - 1]);
     if kept.is_empty() && !is_empty {
-        let (choice, hint) = ("a choice that leaves no stroke", "leave out fewer strokes");
+        let (choice, hint) = ("a selection that leaves no strokes", "leave out fewer strokes");
         let error = Error::input("letters.without", choice, "at least one stroke", hint);
         return Err(error.coded(super::EMPTY).in_file(file, None));
     }

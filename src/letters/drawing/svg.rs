@@ -148,7 +148,7 @@ fn name_signs<'a, 'input: 'a>(
     if let Some(text) = texts.first() {
         let count = if texts.len() == 1 { "text".into() } else { format!("{} texts", texts.len()) };
         let line = u64::from(document.text_pos_at(text.range().start).row);
-        let error = Error::input("", count, "paths in place of text", TEXT);
+        let error = Error::input("", count, "paths instead of text", TEXT);
         return Err(error.coded("drawing-text").in_file(file, line));
     }
     for node in others {

@@ -185,7 +185,7 @@ fn what_is_no_drawing_is_refused() {
     }
     let long = format!("<path d='M0 0 {}' stroke='red'/>", "l1 0 l0 1 ".repeat(MAX_POINTS / 2 + 1));
     let error = drawn("a.svg", &svg(&long), &LetterOptions::default()).unwrap_err().to_string();
-    assert!(error.contains("more points"), "{error}");
+    assert!(error.contains("too many points"), "{error}");
 }
 
 #[test]

@@ -110,17 +110,17 @@ settings! {
     pub enum Backend {
         /// A graphics device.
         "wgpu" => Wgpu,
-        /// The processor.
+        /// The CPU.
         "cpu" => Cpu,
     }
 
     /// Choice of the backend.
     pub enum BackendChoice {
-        /// A graphics device if one works, otherwise the processor.
+        /// A graphics device if one works, otherwise the CPU.
         "auto" => Auto,
-        /// A graphics device. If none works, exposing is an error.
+        /// A graphics device, or an error if none works.
         "wgpu" => Wgpu,
-        /// The processor.
+        /// The CPU.
         "cpu" => Cpu,
     }
 

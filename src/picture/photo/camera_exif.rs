@@ -167,7 +167,8 @@ impl Photograph {
                     needed[0].1
                 )),
                 (tag @ Tag::FocalLengthIn35mmFilm, None) => missing.push(format!(
-                    "{tag} (or FocalPlaneXResolution with PixelXDimension, or a Model that is known)"
+                    "{tag} (or FocalPlaneXResolution with PixelXDimension, or a known camera \
+                     Model)"
                 )),
                 (tag, _) => missing.push(tag.to_string()),
             }
@@ -175,13 +176,13 @@ impl Photograph {
         let missing = missing.join(", ");
         if empty.is_empty() {
             let why = self.warnings.iter().map(|why| format!("; {why}")).collect::<String>();
-            let wanted = format!("the tags of lens and exposure{why}");
+            let wanted = format!("the lens and exposure tags{why}");
             return Error::input(place, format!("EXIF without {missing}"), wanted, HINT);
         }
         let and = if missing.is_empty() { "" } else { ", and without " };
         let seen = format!("EXIF with {}{and}{missing}", empty.join(", "));
-        let wanted = "values of lens and exposure (a camera writes 0 for a value that it does not know, \
-                      such as the aperture of a lens without contacts)";
+        let wanted = "lens and exposure values (a camera writes 0 for an unknown value, such as \
+                      the aperture of a lens without contacts)";
         let hint = "omit the photograph, and set these keys in a scene file together with those that \
                     the photograph has";
         Error::input(place, seen, wanted, hint)
@@ -338,7 +339,7 @@ impl Photograph {
         let (taken, written) = (self.text(Tag::DateTimeOriginal)?, self.text(Tag::DateTime)?);
         // Only the days are compared, because the file of a long exposure is written after it ends.
         (taken.get(..10) != written.get(..10))
-            .then(|| format!("it was taken at {taken} and changed at {written}"))
+            .then(|| format!("the picture was taken at {taken} and changed at {written}"))
     }
 
     /// Returns the sensitivity from the first tag that can represent it.

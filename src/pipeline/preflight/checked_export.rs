@@ -216,7 +216,7 @@ fn check_release(shoot: &Shoot, format: Format) -> Result<()> {
     let needs = [
         (is_lee, Feature::LEE, "fly PID (controller.kind)"),
         (has_color_led, Feature::COLOR_LED, "light the ring (light.deck)"),
-        (is_brushless, Feature::BRUSHLESS, "name the preset of the drone that flies"),
+        (is_brushless, Feature::BRUSHLESS, "name the preset of the drone"),
     ];
     let mut needs = needs.iter().filter(|(is_needed, ..)| *is_needed);
     let Some((_, feature, hint)) = needs.find(|(_, feature, _)| !release.has(feature)) else {

@@ -76,9 +76,9 @@ fn altitude_hold(flight: &Flight, strokes: Option<&Strokes>) -> Diagnostic {
     // The limit of the error is a fraction of the cap height, which is undefined for a drawing.
     let Some(cap_height_m) = strokes.and_then(cap_height_m) else {
         return if strokes.is_some_and(|strokes| strokes.font.is_none()) {
-            unchecked("a drawing has no letters", "look at its preview")
+            unchecked("a drawing has no letters", "look at the drawing's preview")
         } else {
-            unchecked("there are no letters whose height is known", name_word)
+            unchecked("the plan has no letters of known height", name_word)
         };
     };
     let Ok(least_m) = least_cap_height_m(flight, Part::Letters) else {
@@ -126,14 +126,14 @@ fn corridor(flight: &Flight, scene: &Scene, profile: &Profile) -> Diagnostic {
                     "mount the anchors around the flight, in front of it and behind it \
                      ({sensors.uwb.anchors_m})"
                 }
-                Positioning::Gnss => "fly in calmer air, or with a better receiver",
+                Positioning::Gnss => "fly in calmer air, or use a better receiver",
                 // A plan can compensate for a mean error, but not for a varying one.
                 _ if mean_m.abs() > 0.5 * error_m.abs() => {
                     "subtract the mean error ({plan.mean_error_m})"
                 }
                 Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => {
-                    "find what disturbs the flight: the wind ({air.wind_m_s}), or the positions of \
-                     the stations"
+                    "find the cause of the disturbance: the wind ({air.wind_m_s}), or the \
+                     positions of the stations"
                 }
             },
         )

@@ -67,8 +67,8 @@ pub(super) fn check_led_memory(shoot: &Shoot, drone: usize) -> Diagnostic {
     Diagnostic::check(LED_MEMORY, severity, entries.map(|n| n as f64)).within(MOST as f64).say(
         entries.map_or("not used".into(), |n| format!("{n} of {MOST} entries")),
         format!("up to {MOST} entries"),
-        "nothing if the radio sends the lights, as the script does in this case; otherwise build \
-         firmware with a larger LEDRING_TIME_MEM_SIZE",
+        "no change is needed if the script sends the light commands by radio, as it does in this \
+         case; otherwise build firmware with a larger LEDRING_TIME_MEM_SIZE",
     )
 }
 

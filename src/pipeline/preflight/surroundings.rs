@@ -142,7 +142,7 @@ fn wind(scene: &Scene, profile: &Profile) -> Diagnostic {
     Diagnostic::check("wind", stop_if(wind_m_s > most_m_s), wind_m_s).within(most_m_s).say(
         format!("up to {wind_m_s:.1} m/s of wind and gusts"),
         format!("up to {most_m_s} m/s for a drone of {:.0} g", 1e3 * scene.vehicle.mass_kg),
-        "wait for calmer air ({air.wind_m_s}, {air.gusts})",
+        "wait until the air is calmer ({air.wind_m_s}, {air.gusts})",
     )
 }
 

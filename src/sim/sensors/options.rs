@@ -377,7 +377,7 @@ impl UwbOptions {
                     "sensors.uwb.heard",
                     "{n} lists for at least {drone} drones",
                     "one list per drone, or no lists",
-                    "list the anchors that each drone hears"
+                    "list the anchors from which each drone receives ranges"
                 ))
             }
         }
@@ -401,7 +401,7 @@ impl UwbOptions {
         let n = self.anchors_m.len();
         for (drone, heard) in self.heard.iter().enumerate() {
             let list = "sensors.uwb.heard";
-            let hint = "list the anchors that the drone hears";
+            let hint = "list the anchors from which the drone receives ranges";
             check_count("", heard.len(), [least, n], hint).map_err(|e| e.of_item(list, drone))?;
             let invalid =
                 (0..heard.len()).find(|i| heard[*i] >= n || heard[..*i].contains(&heard[*i]));
@@ -485,7 +485,7 @@ impl SensorOptions {
         let mut heard_from_s = 0.0;
         for (i, [from_s, to_s]) in self.gnss.silent_s.iter().enumerate() {
             let wanted = if from_s >= to_s {
-                "an end after its beginning".to_owned()
+                "an end after the beginning".to_owned()
             } else if *from_s < heard_from_s {
                 format!("a beginning not before {heard_from_s} s, the end of the previous period")
             } else {

@@ -53,8 +53,8 @@ impl Described for FloorStep {
             let [least, most] = extent_m;
             if least >= most {
                 let extent = format!("{least} to {most} m");
-                let hint = "write the smaller end first";
-                return Err(Error::input(place, extent, "an end beyond its beginning", hint));
+                let hint = "write the smaller value first";
+                return Err(Error::input(place, extent, "an end greater than the beginning", hint));
             }
         }
         Ok(())
