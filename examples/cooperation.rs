@@ -28,9 +28,9 @@ const LINKS: &str = "two-drones-three-anchors";
 const FLOOR: &str = "two-drones-three-anchors-and-floor";
 const SETUPS: [Setup; 8] = [
     ("five links", LINKS, &[]),
-    ("a ranger to the floor each", FLOOR, &[]),
+    ("a floor ranger on each drone", FLOOR, &[]),
     (
-        "a barometer each",
+        "a barometer on each drone",
         LINKS,
         &[
             ("sensors.heights", "[\"barometer\"]"),
@@ -38,14 +38,14 @@ const SETUPS: [Setup; 8] = [
             ("observer.ekf.barometer_sigma_m", "0.09"),
         ],
     ),
-    ("all anchors each, and each other", LINKS, &[("sensors.uwb.heard", "[]")]),
+    ("two drones that range to all anchors and each other", LINKS, &[("sensors.uwb.heard", "[]")]),
     ("rangers, half of the messages lost", FLOOR, &[("sensors.peers.loss_frac", "0.5")]),
     (
-        "three drones, all anchors each, and each other",
+        "three drones that range to all anchors and each other",
         LINKS,
         &[("sensors.uwb.heard", "[]"), ("plan.drones", "3")],
     ),
-    ("rangers, no message heard", FLOOR, &[("observer.cooperative.share", "nothing")]),
+    ("rangers, all messages lost", FLOOR, &[("observer.cooperative.share", "nothing")]),
     ("rangers, estimates shared", FLOOR, &[("observer.cooperative.share", "estimates")]),
 ];
 

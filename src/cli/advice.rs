@@ -196,7 +196,7 @@ mod tests {
             advice_of("part-empty", "compare").contains("--part")
                 && advice_of("part-empty", "identify").is_empty()
         );
-        assert!(advice_of("lights-missing", "expose").starts_with("`--word` infers lights"));
+        assert!(advice_of("lights-missing", "expose").starts_with("`--word` infers the lights"));
         assert_eq!(advice_at("import.max_gap_s", "import"), "`--max-gap` sets it");
         assert_eq!(advice_at("budget", "tune"), "`--budget` sets it");
         let [wanted, hint] = ["", ""].map(str::to_owned);

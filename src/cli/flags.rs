@@ -270,7 +270,7 @@ impl SubjectFlags {
             [] => {}
             [word] => {
                 if let Some(other) = self.word.as_ref().filter(|other| *other != word) {
-                    let hint = "name one of them; --word names the word that the plans write";
+                    let hint = "name either one; --word names the word that the plans write";
                     return Err(Error::input("--word", other, format!("{word}, or none"), hint));
                 }
                 typed_word(Some(word), self.word.as_ref())?;

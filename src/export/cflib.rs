@@ -190,7 +190,7 @@ fn timing_data(plan: &Plan, lights: &[Command]) -> Option<Value> {
 /// made for a different clock, and for an unsafe flight.
 fn trajectory(job: &Job<'_>, drone: usize) -> Result<Compressed> {
     if job.trajectory_clock != 1.0 {
-        let wanted = "1 for a trajectory on board";
+        let wanted = "a clock ratio of 1 for a trajectory on board";
         let hint = "plan with 1, because the script measures the drone's clock";
         return Err(Error::input("plan.trajectory_clock", job.trajectory_clock, wanted, hint));
     }

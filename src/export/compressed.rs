@@ -93,8 +93,8 @@ impl Compressed {
             until_s += piece.polynomials().duration_s;
         }
         let needs = format!(
-            "{bytes} bytes compressed, but the drone's memory holds \
-                 {TRAJECTORY_MEMORY_BYTES}"
+            "the compressed trajectory has {bytes} bytes, but the drone's memory holds \
+             {TRAJECTORY_MEMORY_BYTES}"
         );
         let hint = "divide the word among more drones, accept a larger distance from the design, \
                     or send setpoints over the radio (script for cflib)";
@@ -146,8 +146,8 @@ impl Compressed {
         bytes.extend(END_WITHOUT_GOAL);
         if bytes.len() > TRAJECTORY_MEMORY_BYTES {
             let what = format!(
-                "{} bytes with take-off and landing, but the drone's memory holds \
-                 {TRAJECTORY_MEMORY_BYTES}",
+                "the trajectory has {} bytes with take-off and landing, but the drone's memory \
+                 holds {TRAJECTORY_MEMORY_BYTES}",
                 bytes.len()
             );
             let hint = "divide the word among more drones, or send setpoints over the radio";
@@ -292,7 +292,7 @@ fn check_range(stretch: &Stretch) -> Result<()> {
                     "a compressed trajectory reaches ±{MAX_COORDINATE_M} m, but the plan reaches \
                      {far_m} m"
                 ),
-                "write closer to the origin, or smaller",
+                "write the word closer to the origin, or smaller",
             ));
         }
     }

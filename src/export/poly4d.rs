@@ -54,7 +54,10 @@ impl Poly4d {
         let fitting = &trajectory.pieces[..MAX_PIECES - 1];
         let until_s = fitting.iter().map(|piece| piece.duration_s).sum();
         let n_bytes = Compressed::of_any_length(&stretch, tolerance_m)?.to_bytes().len();
-        let needs = format!("{n} pieces of degree 7, but the drone's memory holds {MAX_PIECES}");
+        let needs = format!(
+            "the trajectory has {n} pieces of degree 7, but the drone's memory \
+                             holds {MAX_PIECES}"
+        );
         let other = if flies_heading(release, plan.yaw_rad) {
             format!("export it compressed ({n_bytes} of {TRAJECTORY_MEMORY_BYTES} bytes)")
         } else {
@@ -90,7 +93,8 @@ impl Poly4d {
         let n = pieces.len();
         if n > MAX_PIECES {
             let what = format!(
-                "{n} pieces with take-off and landing, but the drone's memory holds {MAX_PIECES}"
+                "the trajectory has {n} pieces with take-off and landing, but the drone's memory \
+                 holds {MAX_PIECES}"
             );
             let hint =
                 "divide the word among more drones, or accept a larger distance from the design";

@@ -70,7 +70,7 @@ pub(super) fn read(variables: &[Variable], job: Job<'_>) -> Result<Recording> {
     let drone = variables[0].drone;
     if let Some(other) = variables.iter().find(|variable| variable.drone != drone) {
         let actual = format!("files of drone {drone} and {}", other.path.display());
-        let hint = "copy the files of each drone to a separate folder, and import each";
+        let hint = "copy the files of each drone to a separate folder, and import each folder";
         return Err(Error::input(job.file, actual, "one drone", hint));
     }
     // All files must contain the same times as the first one.

@@ -85,10 +85,15 @@ const BY_POLYNOMIAL: &str = "it is a plan, not a flight: evaluate its pieces at 
 
 /// First bytes of foreign formats, with the name of each format and advice.
 const FORMATS: [(&[u8], &str, &str); 31] = [
-    (b"ULog\x01\x12\x35", "a PX4 ULog", "import vehicle_local_position, of `ulog2csv FILE`"),
+    (
+        b"ULog\x01\x12\x35",
+        "a PX4 ULog",
+        "import the file vehicle_local_position that `ulog2csv \
+                                         FILE` writes",
+    ),
     (b"\xa3\x95", "a DataFlash log of ArduPilot", BY_MAVLOGDUMP),
     (b"FMT, 128,", "an ArduPilot DataFlash log, as text", BY_MAVLOGDUMP),
-    (b"#ROSBAG V", "a ROS 1 rosbag", "import what `rostopic echo -b FILE -p /TOPIC` prints"),
+    (b"#ROSBAG V", "a ROS 1 rosbag", "import the output of `rostopic echo -b FILE -p /TOPIC`"),
     (b"SQLite format 3\0", "an SQLite file, such as a ROS 2 rosbag", BY_PLOTJUGGLER),
     (b"\x89MCAP", "an MCAP file, such as a ROS 2 rosbag", BY_PLOTJUGGLER),
     (b"PAR1", "a Parquet file", "write it as CSV: pandas.read_parquet(FILE).to_csv(\"log.csv\")"),

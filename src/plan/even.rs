@@ -207,7 +207,7 @@ impl Course<'_> {
         let transit = transit.ok_or_else(|| {
             Error::infeasible(
                 format!("no transit was found after {:.2} s", self.end_s),
-                "raise plan.style.dark_speed_m_s above plan.stroke_speed_m_s, or \
+                "raise plan.style.dark_speed_m_s above plan.stroke_speed_m_s, or raise \
                  plan.style.jerk_m_s3",
             )
         })?;

@@ -12,7 +12,7 @@ use noctograph_core::files::Limit;
 const LIMIT: Limit = Limit {
     bytes: 64 << 20,
     what: "the page's module",
-    hint: "write it with src/photo_service/build",
+    hint: "build the module with src/photo_service/build",
 };
 
 /// The module, compressed by gzip as it is sent. The page decompresses it.
@@ -29,7 +29,7 @@ impl Module {
         let mut magic = [0; 4];
         if GzDecoder::new(&*bytes).read_exact(&mut magic).is_err() || magic != *b"\0asm" {
             let actual = "no compressed WebAssembly module";
-            let wanted = "noctograph.wasm.gz, as src/photo_service/build writes it";
+            let wanted = "the file noctograph.wasm.gz that src/photo_service/build writes";
             return Err(Error::input(path.display(), actual, wanted, LIMIT.hint));
         }
         // 64 bits of the digest are enough to distinguish versions of the file.

@@ -118,7 +118,7 @@ impl TuneOptions {
         let (budget, n_final) = (self.budget, n_each * FINAL_TIMES as usize);
         Err(input_error!(
             "budget",
-            "{budget} flights, {n_knobs} knobs",
+            "{budget} flights and {n_knobs} knobs",
             "at least {least} flights and a knob: {LEAST_CANDIDATES} candidates with {n_each} \
              flights each, and {FINALISTS} finalists with {n_final} flights each",
             "raise the budget, or train on fewer words and seeds",

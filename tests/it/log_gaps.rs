@@ -98,7 +98,7 @@ fn a_log_of_other_letters_names_the_command_that_reads_it() {
     let command = "noctograph import log.json --word QUIZ --scene SCENE.toml";
     fails(&other, &[("log.json", &log)], &["word QUIZ", command]);
     let nameless = ["expose", "log.json"];
-    fails(&nameless, &[("log.json", &log)], &["light.headlights", "`--word` infers lights"]);
+    fails(&nameless, &[("log.json", &log)], &["light.headlights", "`--word` infers the lights"]);
 }
 
 #[test]

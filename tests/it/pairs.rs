@@ -151,7 +151,7 @@ fn of_a_scene_without_a_digest_it_is_said() {
         let (code, _, said) = run(parent, verb);
         assert_eq!(code, 0, "{said}");
         assert!(
-            said.contains("warning: a.scene.toml: the scene has no digest"),
+            said.contains("warning: a.scene.toml: the scene contains no digest"),
             "{verb:?}: {said}"
         );
     }

@@ -58,7 +58,7 @@ pub(super) fn check<'a, 'input>(
     if bytes > MAX_BYTES {
         let mb = bytes / 1e6;
         return Err(format!(
-            "{mb:.0} MB of attributes including those of {what}, more than an input may have"
+            "{mb:.0} MB of attributes including those of {what}, more than an input may contain"
         ));
     }
     if curves > MAX_CURVES {

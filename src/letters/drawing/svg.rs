@@ -68,7 +68,7 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Warned<Drawing>> {
     let mut named = Named::default();
     for node in document.root().children() {
         if node.pi().is_some_and(|pi| pi.target == "xml-stylesheet") {
-            named.add("another file (`xml-stylesheet`)", "not followed", node);
+            named.add("a style sheet in another file (`xml-stylesheet`)", "not followed", node);
         }
     }
     // Counts the work of all elements, including repetitions by usvg, and removes features that

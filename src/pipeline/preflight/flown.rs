@@ -215,7 +215,10 @@ fn battery(flight: &Flight, scene: &Scene) -> Diagnostic {
     let warning = flight.warnings.iter().rfind(|w| warning::BATTERY.contains(&w.code));
     let load = Battery::new(&scene.battery, flight, low_v);
     let lasts = load.as_ref().is_none_or(Battery::lasts);
-    let never = format!("never {LOW_BATTERY_S} s under {low_v} V, which the firmware calls low");
+    let never = format!(
+        "less than {LOW_BATTERY_S} s below {low_v} V, which the firmware \
+                         considers low"
+    );
     // The limit is a resting voltage before take-off, which a script can measure.
     let (voltages, wanted) = match &load {
         None => ("lasts".to_owned(), never),
@@ -268,7 +271,7 @@ fn lit_transit(
 ) -> Diagnostic {
     let worst = ends.iter().max_by(|a, b| a.streak_m.abs().total_cmp(&b.streak_m.abs()));
     let Some(StrokeEnd { time_s, at_m, on, streak_m }) = worst.copied() else {
-        return without_light("lit transit", "the flight has no lit stroke");
+        return without_light("lit transit", "the flight contains no lit stroke");
     };
     if pieces.is_empty() {
         return without_light("lit transit", NO_LAMP);

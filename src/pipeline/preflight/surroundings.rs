@@ -19,7 +19,7 @@ const COVERAGE_STEP_M: f64 = 0.1;
 
 /// Checks that two base stations see the flight's whole bounding box.
 pub(super) fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Diagnostic> {
-    const WANTED: &str = "base stations, and a flight";
+    const WANTED: &str = "at least one base station, and a flight in the air";
     if !is_by_lighthouse(scene) {
         let unused = Diagnostic::check("coverage", Severity::Fine, None).within(1.0);
         return Ok(unused.say("not used, because the drone does not fly by Lighthouse", "", ""));

@@ -115,7 +115,7 @@ impl CarriedScene {
             return Ok(());
         }
         let actual = "a scene that has just changed";
-        let wanted = "a scene and files that do not change";
+        let wanted = "a scene and files that do not change while they are read";
         Err(Error::input(&*self.file, actual, wanted, "try again"))
     }
 

@@ -458,7 +458,7 @@ pub(super) fn to_scene(values: Table) -> Result<Scene> {
         return values.try_into().map_err(|error: toml::de::Error| {
             let actual = error.to_string().trim().replace('\n', " ");
             let key = actual.rsplit_once(" in `").map_or("", |(_, key)| key.trim_end_matches('`'));
-            Error::input(key.to_owned(), &actual, "values of the keys' types", HINT)
+            Error::input(key.to_owned(), &actual, "values that match the types of the keys", HINT)
         });
     }
     serde_path_to_error::deserialize(Value::Table(values)).map_err(|error| {
@@ -476,7 +476,7 @@ pub(super) fn to_scene(values: Table) -> Result<Scene> {
             Some((value, expected)) => {
                 Error::input(place, in_words(value), in_words(expected), HINT)
             }
-            None => Error::input(place, actual, "a value of the key's type", HINT),
+            None => Error::input(place, actual, "a value that matches the type of the key", HINT),
         }
     })
 }

@@ -277,7 +277,7 @@ pub(super) fn outside(
     // A framed word is inside the picture, so light outside it is probably misplaced.
     let margin = "{camera.framing.fill_frac} sets the margin";
     let place = "{camera.framing.fill_frac} sets the margin around the word; is the flight in \
-                 meters, with z up, and at the word's place?";
+                 meters, with z up, and at the word's position?";
     let framing =
         "{camera.framing=word} frames the word; {camera.framing.fill_frac} sets the margin";
     let [help_word, help_light] = if is_framed { [margin, place] } else { [framing; 2] };

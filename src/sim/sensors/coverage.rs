@@ -89,7 +89,7 @@ fn check_grid([left, bottom, right, top]: [f64; 4], step_m: f64) -> Result<()> {
         ));
     }
     if (right - left) / step_m * (top - bottom) / step_m > MAX_POINTS {
-        let wanted = format!("a step that makes at most {MAX_POINTS} points");
+        let wanted = format!("a step that results in at most {MAX_POINTS} points");
         return Err(Error::input("step", format!("{step_m} m"), wanted, "use a larger step"));
     }
     Ok(())

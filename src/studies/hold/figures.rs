@@ -233,27 +233,38 @@ impl HoldFigures {
         {
             if found_m > limit_m {
                 let [found_cm, limit_cm] = [found_m, limit_m].map(|m| 100.0 * m);
-                missed.push(format!("{name} {found_cm:.1} cm above {limit_cm:.1} cm"));
+                missed
+                    .push(format!("the {name} error of {found_cm:.1} cm exceeds {limit_cm:.1} cm"));
             }
         }
         if !(low..=high).contains(&self.inside) {
-            missed.push(format!("inside {:.3}, not {low} to {high}", self.inside));
+            missed.push(format!(
+                "the altitude is inside its band for a fraction of {:.3}, not \
+                                 {low} to {high}",
+                self.inside
+            ));
         }
         if self.hover_throttle > hover_throttle {
             let throttle = self.hover_throttle;
-            missed.push(format!("hover throttle off by {throttle:.4}, more than {hover_throttle}"));
+            missed.push(format!(
+                "the hover throttle error of {throttle:.4} exceeds \
+                                 {hover_throttle}"
+            ));
         }
         // Innovations have limits in both directions, states only against a σ that is too small.
         let [low, high] = nis;
         let beyond = self.nis.iter().flatten().filter(|nis| !(low..=high).contains(*nis));
-        missed.extend(beyond.map(|nis| format!("NIS {nis:.2}, not {low} to {high}")));
+        missed.extend(beyond.map(|nis| format!("the NIS is {nis:.2}, not {low} to {high}")));
         let overconfident = self.states.iter().filter(|s| s.verdict == HoldVerdict::Overconfident);
         missed.extend(overconfident.map(|Consistency { state, error, .. }| {
-            format!("{state} overconfident: squared error over variance {:.2}", error.value)
+            format!(
+                "{state} is overconfident: its squared error divided by its variance is {:.2}",
+                error.value
+            )
         }));
         let [found, seen] = self.steps;
         if (found - seen).abs() > steps {
-            missed.push(format!("{found:.2} steps found of {seen:.2}"));
+            missed.push(format!("{found:.2} of {seen:.2} steps were detected"));
         }
         missed
     }
@@ -321,7 +332,7 @@ mod tests {
         let verdicts = [2, 3].map(|index| unknown.states[index].verdict);
         assert_eq!(verdicts, [HoldVerdict::Overconfident; 2], "{unknown:?}");
         for state in ["α⁰", "α¹"] {
-            let start = format!("{state} overconfident");
+            let start = format!("{state} is overconfident");
             assert!(unknown.missed.iter().any(|text| text.starts_with(&start)), "{unknown:?}");
         }
         // If gravity is known, the filter's random walk of the gain, which no battery causes, only
@@ -335,7 +346,7 @@ mod tests {
         (figures.hold_m.value, figures.steps[0]) = (0.2, 1.0);
         let missed = figures.misses();
         assert_eq!(missed.len(), 2, "{missed:?}");
-        assert!(missed[0].starts_with("hold 20.0 cm above 5.6 cm"), "{missed:?}");
+        assert!(missed[0].starts_with("the hold error of 20.0 cm exceeds 5.6 cm"), "{missed:?}");
         let options = Scene::preset(Preset::Bzzz).sim();
         let none = hold_figures(HoldModel::Scalar, &options, HoldScenario::Calm, 0, 0);
         assert!(none.unwrap_err().to_string().starts_with("runs: found 0"));

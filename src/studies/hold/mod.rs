@@ -236,7 +236,7 @@ mod tests {
             ("sensors.gnss.silent_s[1]: found 25 to 40 s, wanted a beginning not before", |o| {
                 o.sensors.gnss.silent_s = vec![[20.0, 30.0], [25.0, 40.0]];
             }),
-            ("observer.kind: found altitude without a sensor", |o| {
+            ("observer.kind: found altitude without an altitude sensor", |o| {
                 o.sensors.positioning = Positioning::Position;
                 o.sensors.heights.clear();
             }),
