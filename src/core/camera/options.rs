@@ -27,7 +27,7 @@ settings! {
     /// starting point for light painting. The default blur is half the usual 30 µm circle of
     /// confusion.
     pub struct CameraOptions {
-        /// Automatic exposure, off in a scene that sets `f_number` or `iso` but not this key.
+        /// Automatic exposure. The meter is off if a scene sets `f_number` or `iso` but not this key.
         metering: Metering = Metering::default();
         /// Width of the picture in pixels.
         width_px: u32 = 1920, in 1.0..=16_384.0;
@@ -62,9 +62,9 @@ settings! {
         white_balance: WhiteBalance = WhiteBalance::default();
         /// Position and direction of the camera.
         framing: Framing = Framing::default();
-        /// Camera body, which sets the sensor.
+        /// Camera body. The body sets the sensor.
         body: BodyModel = BodyModel::default();
-        /// Lens, which sets focal length, distortion and vignetting.
+        /// Lens. The lens sets focal length, distortion and vignetting.
         lens: LensModel = LensModel::default();
     }
 

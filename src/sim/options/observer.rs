@@ -20,7 +20,7 @@ settings! {
         firmware: FirmwareOptions = FirmwareOptions::default(), for "observer.kind" = "ekf";
         /// Altitude filter.
         altitude: AltitudeOptions = AltitudeOptions::default(), for "observer.kind" = "altitude";
-        /// Filter of a fleet, with the weights of `ekf`.
+        /// Filter of a fleet. The filter uses the weights of `ekf`.
         cooperative: CooperativeOptions = CooperativeOptions::default(),
             for "observer.kind" = "cooperative";
     }
