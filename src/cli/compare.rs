@@ -195,7 +195,7 @@ fn read(args: &CompareArgs, options: &ComparisonOptions) -> Result<[Flight; 2]> 
         true => ("A", [a, b_stamped]),
         false => ("B", [a_stamped, b]),
     };
-    let note = format!("{name} is the drone's log, so the clock ratio applies only to it");
+    let note = format!("{name} is the drone's log, so the clock ratio applies only to this log");
     message("note: ", &note);
     Ok(flights)
 }

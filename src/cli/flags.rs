@@ -501,7 +501,7 @@ fn check_folder(word: &str) -> Result<()> {
 
 /// Returns the error for a file or folder name that was typed as a word.
 fn no_word(word: &str, actual: String) -> Error {
-    let hint = format!("`--word {}` writes it as a word", shell_word(word.as_ref()));
+    let hint = format!("`--word {}` writes this word", shell_word(word.as_ref()));
     let wanted = "a word, or a file *.csv where a plan may be named";
     Error::input("word or file", actual, wanted, hint).coded("word-or-file")
 }

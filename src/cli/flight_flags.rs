@@ -22,7 +22,8 @@ use noctograph_core::files::Limit;
 pub(super) const FLIGHTS: Limit = Limit {
     bytes: 384 << 20,
     what: "flights",
-    hint: "reduce their sample rate, cut them to the time of the picture, or read fewer at a time",
+    hint: "reduce the sample rate of the logs, cut them to the time of the picture, or read fewer \
+           logs at a time",
 };
 
 /// Flags for reading this program's flights or logs of real flights.

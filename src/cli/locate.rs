@@ -284,7 +284,7 @@ fn one_for_each(flag: &str, n: usize, file: &str, n_files: usize) -> Result<()> 
         flag,
         "{n} for {n_files} {file}s",
         "one for each {file}",
-        "repeat it in order"
+        "repeat the flag in the order of the files"
     ))
 }
 

@@ -115,8 +115,8 @@ pub(super) fn leftovers(folder: &Path, kind: &str, n_drones: usize) -> Result<Ve
         return Ok(former);
     }
     let names: Vec<String> = others.iter().map(file_name).collect();
-    let hint =
-        "remove them, or name another folder, because all files in a folder are flown together";
+    let hint = "remove the files, or name another folder, because all files in a folder are flown \
+         together";
     let wanted = format!("{kind} files of at most {n_drones} drones");
     Err(Error::input(folder.display(), names.join(", "), wanted, hint))
 }

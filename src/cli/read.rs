@@ -64,7 +64,7 @@ const LAYOUT: &str = "\
 /// given.
 pub(super) fn read_upright(photo: Photo, word: &str) -> (Photo, Reading) {
     if has_bright_edge(&photo) {
-        message("note: ", "the photo's border is bright: crop it, or invert dark writing");
+        message("note: ", "the photo's border is bright: crop the photo, or invert dark writing");
     }
     // Smaller writing, such as a photographer's credit, is ignored, but mentioned in a note.
     let (reading, quarters) = read_any_way_up(&photo, word);

@@ -27,7 +27,7 @@ pub(super) struct ReportArgs {
 
 /// Size limit for a drawing or a table.
 const LIMIT: Limit =
-    Limit { bytes: 8 << 20, what: "a drawing or table", hint: "remove it from the folder" };
+    Limit { bytes: 8 << 20, what: "a drawing or table", hint: "remove the file from the folder" };
 /// Maximum number of files in a page.
 const MAX_FILES: usize = 40;
 /// Maximum number of rows of a table in a page.
@@ -139,7 +139,7 @@ fn add(page: Page, path: &Path, name: &str) -> Result<Page> {
 fn table(page: Page, path: &Path) -> Result<Page> {
     let broken = |error: csv::Error| {
         let place = path.display().to_string();
-        Error::input(place, error, "a table (CSV)", "remove it from the folder")
+        Error::input(place, error, "a table (CSV)", "remove the file from the folder")
     };
     let bytes = LIMIT.read(path)?;
     let text = Text::decode(&bytes);

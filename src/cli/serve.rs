@@ -170,7 +170,7 @@ fn table(args: &ServeArgs, page: &str, addresses: &Addresses, has_room: bool) ->
         text += &line("", "anyone who has this address may write, draw and send");
         if !has_room {
             let hint = "not known, so the scripts' fence is a guess: name a scene with a room by \
-                        --scene, as `preview WORD --room WxDxH` writes it";
+                        --scene, such as `preview WORD --room WxDxH` writes";
             text += &line("room", hint);
         }
     }

@@ -59,7 +59,10 @@ impl Poly4d {
                              holds {MAX_PIECES}"
         );
         let other = if flies_heading(release, plan.yaw_rad) {
-            format!("export it compressed ({n_bytes} of {TRAJECTORY_MEMORY_BYTES} bytes)")
+            format!(
+                "export the trajectory compressed ({n_bytes} of {TRAJECTORY_MEMORY_BYTES} \
+                     bytes)"
+            )
         } else {
             "send setpoints over the radio (script for cflib)".to_owned()
         };

@@ -201,7 +201,7 @@ fn refused(part: &str, font: &Font, n_before: usize, unset: Unset) -> Error {
             "{n} consecutive letters that touch each other",
             "fewer letters, because touching letters form one outline of at most {MAX_POINTS} \
              points",
-            "put a space or a line end between them",
+            "put a space or a line end between the letters",
         ),
     }
 }
@@ -216,9 +216,14 @@ fn missing(part: &str, font: &Font, position: usize, letter: char) -> Error {
             font.name()
         )
     } else if single_line.is_some_and(|font| font.face.shape(letter).is_some()) {
-        format!("name the font {SINGLE_LINE}, which has it, or add it to letters.fallback")
+        format!(
+            "name the font {SINGLE_LINE}, which contains the letter, or add this font to \
+                 letters.fallback"
+        )
     } else {
-        "name a typeface that has it in letters.fallback, such as one of the Noto fonts".to_owned()
+        "name a typeface that contains the letter in letters.fallback, such as one of the Noto \
+         fonts"
+            .to_owned()
     };
     // The characters of a small font are listed, except those that draw nothing.
     let characters = font.characters();

@@ -16,7 +16,8 @@ pub fn doubts(flight: &Flight) -> Vec<Diagnostic> {
     }
     let first_s = samples[0].time_s;
     let text = format!(
-        "its clock begins at {first_s} s instead of at 0 s, and so does the exposure of a photo"
+        "the flight's clock begins at {first_s} s instead of 0 s, and so does the exposure of a \
+         photo"
     );
     let begins = (first_s < 0.0).then(|| Diagnostic::warning("time-negative", text));
     // The flight's columns are copied to a table, to which the checks of tables apply.

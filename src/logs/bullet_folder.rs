@@ -112,7 +112,7 @@ fn columns(path: &Path, job: Job<'_>) -> Result<[Vec<f64>; 2]> {
     if head.n_columns != 2 || !head.titles.is_empty() {
         let actual = format!("{} columns, titles {:?}", head.n_columns, head.titles);
         let hint = "remove the files that are not variables of the simulator from the folder";
-        return Err(Error::input(file, actual, "time and value, without a header", hint));
+        return Err(Error::input(file, actual, "rows of time and value, without a header", hint));
     }
     head.titles = ["t", "value"].map(str::to_owned).into();
     let (sheet, _) = cells::read_rows(&text, head, Job { file: &file, ..job }, |_| true)?;

@@ -74,14 +74,16 @@ pub(super) fn is_imported(head: &Head) -> bool {
 
 const BY_CAPTURE: &str =
     "export the rigid body as CSV in the motion capture's program, with a header t,x,y,z";
-const BY_PLOTJUGGLER: &str = "open it in PlotJuggler, export the pose as CSV, and import that";
-const BY_MAVLOGDUMP: &str = "convert it with `mavlogdump.py --types XKF1 --format csv FILE` (of \
-                             pymavlink), rename PN, PE and PD to x, y and z, and import the result";
+const BY_PLOTJUGGLER: &str = "open the file in PlotJuggler, export the pose as CSV, and import \
+                              the CSV file";
+const BY_MAVLOGDUMP: &str = "convert the log with `mavlogdump.py --types XKF1 --format csv FILE` \
+                             (of pymavlink), rename PN, PE and PD to x, y and z, and import the \
+                             result";
 
 const BY_NAME: &str =
     "write a table with the time, x, y and z of each state in columns, below a header t,x,y,z";
-const BY_POLYNOMIAL: &str = "it is a plan, not a flight: evaluate its pieces at 100 Hz, and write \
-                             t,x,y,z,yaw";
+const BY_POLYNOMIAL: &str = "this is a plan, not a flight: evaluate the polynomials at 100 Hz, \
+                             and write t,x,y,z,yaw";
 
 /// First bytes of foreign formats, with the name of each format and advice.
 const FORMATS: [(&[u8], &str, &str); 31] = [
@@ -96,35 +98,50 @@ const FORMATS: [(&[u8], &str, &str); 31] = [
     (b"#ROSBAG V", "a ROS 1 rosbag", "import the output of `rostopic echo -b FILE -p /TOPIC`"),
     (b"SQLite format 3\0", "an SQLite file, such as a ROS 2 rosbag", BY_PLOTJUGGLER),
     (b"\x89MCAP", "an MCAP file, such as a ROS 2 rosbag", BY_PLOTJUGGLER),
-    (b"PAR1", "a Parquet file", "write it as CSV: pandas.read_parquet(FILE).to_csv(\"log.csv\")"),
-    (b"\x89HDF", "an HDF5 file", "write its series as CSV with a header t,x,y,z"),
-    (b"MATLAB 5.0", "a MATLAB file", "write it with writetable(T, \"log.csv\"), and import that"),
-    (b"\x93NUMPY", "a NumPy file", "write it with numpy.savetxt, and a header t,x,y,z"),
-    (b"PK\x03\x04", "a zip file or a spreadsheet", "unpack it, or save the sheet as CSV"),
-    (b"\x1f\x8b", "a gzip file", "unpack it with `gunzip FILE`"),
+    (
+        b"PAR1",
+        "a Parquet file",
+        "write the log as CSV: \
+                                 pandas.read_parquet(FILE).to_csv(\"log.csv\")",
+    ),
+    (b"\x89HDF", "an HDF5 file", "write the series as CSV with a header t,x,y,z"),
+    (
+        b"MATLAB 5.0",
+        "a MATLAB file",
+        "write the log with writetable(T, \"log.csv\"), and import \
+                                      the CSV file",
+    ),
+    (b"\x93NUMPY", "a NumPy file", "write the log with numpy.savetxt, and a header t,x,y,z"),
+    (b"PK\x03\x04", "a zip file or a spreadsheet", "unpack the file, or save the sheet as CSV"),
+    (b"\x1f\x8b", "a gzip file", "unpack the file with `gunzip FILE`"),
     (b"\x02P", "a C3D file", BY_CAPTURE),
     (b"NO_OF_FRAMES", "a Qualisys TSV file", BY_CAPTURE),
     (b"PathFileType", "a TRC file with markers", BY_CAPTURE),
     (b"HIERARCHY", "a BVH file with a skeleton", BY_CAPTURE),
-    (b"\x80", "a Python pickle", "write it as CSV with a header t,x,y,z"),
-    (b"<", "a file in XML or HTML", "write its track as CSV with a header t,x,y,z"),
+    (b"\x80", "a Python pickle", "write the log as CSV with a header t,x,y,z"),
+    (b"<", "a file in XML or HTML", "write the track as CSV with a header t,x,y,z"),
     (b"\xd0\xcf\x11\xe0", "an old spreadsheet", "save the sheet as CSV"),
-    (b"\xfd\x09\0\0", "a MAVLink telemetry log", "convert it with `mavlogdump.py --format csv`"),
+    (
+        b"\xfd\x09\0\0",
+        "a MAVLink telemetry log",
+        "convert the log with `mavlogdump.py --format \
+                                                  csv`",
+    ),
     (
         b"H Product:Blackbox",
         "a Betaflight log",
         "log the position as well, because this log contains none",
     ),
-    (b"LabVIEW Measurement", "a LabVIEW file", "keep only its table, with a header t,x,y,z"),
-    (b"% program", "an RTKLIB solution", "write it in meters east, north and up as t,x,y,z"),
-    (b"$G", "sentences of NMEA", "write it in meters east, north and up as t,x,y,z"),
+    (b"LabVIEW Measurement", "a LabVIEW file", "keep only the table, with a header t,x,y,z"),
+    (b"% program", "an RTKLIB solution", "write the log in meters east, north and up as t,x,y,z"),
+    (b"$G", "sentences of NMEA", "write the log in meters east, north and up as t,x,y,z"),
     (b"%PDF", "a PDF file", "import the log itself"),
     (b"pitch:", "the state of a Tello, as names and values", BY_NAME),
     (b"mid:", "the state of a Tello, as names and values", BY_NAME),
     (b"Duration,x^0", "a trajectory of polynomials (uav_trajectories)", BY_POLYNOMIAL),
     (b"duration,x^0", "a trajectory of polynomials (uav_trajectories)", BY_POLYNOMIAL),
     (b"Frame #", "a NatNet printout", BY_CAPTURE),
-    (b"{\\rtf", "an RTF document", "save it as plain text, with a header t,x,y,z"),
+    (b"{\\rtf", "an RTF document", "save the log as plain text, with a header t,x,y,z"),
 ];
 
 /// Returns an error for a file in one of [`FORMATS`], with a hint on converting it to a table.

@@ -115,7 +115,7 @@ fn refuse_pandas(top: &Members<'_>, file: &str) -> Result<()> {
         return Ok(());
     }
     let form = "DataFrame.to_json with orient split or table";
-    let hint = "write it with to_json(\"log.json\", orient=\"records\")";
+    let hint = "write the log with to_json(\"log.json\", orient=\"records\")";
     Err(Error::input(file, form, "records or columns", hint))
 }
 
@@ -293,7 +293,7 @@ impl<'a> Reader<'a> {
         }
         // Since the value is neither, the error names the most similar format.
         if value.get()[1..].trim_start().starts_with('[') {
-            let hint = "write it as CSV, with a header such as t,x,y,z";
+            let hint = "write the log as CSV, with a header such as t,x,y,z";
             return Err(Error::input(file, "lists without names", "objects with names", hint));
         }
         let wanted = "an object of variables, each with time and data, or a list of rows, each an \

@@ -206,5 +206,5 @@ fn toml(value: &Bound<'_, PyAny>) -> PyResult<String> {
         return Ok(format!("[{}]", items.join(", ")));
     }
     let (actual, wanted) = (value.get_type().name()?.to_string(), "a number, text, list or dict");
-    Err(refused(value.py(), "set", actual, wanted, "convert it to one of these"))
+    Err(refused(value.py(), "set", actual, wanted, "convert the value to one of these types"))
 }

@@ -114,7 +114,9 @@ impl fmt::Display for Flaw {
             Self::Unreadable(why) => write!(f, "unreadable: {why}"),
             Self::Silent(why) => write!(f, "no figures: {why}"),
             Self::Short(air_s) => write!(f, "only {air_s:.1} s in the air"),
-            Self::Gaps(frac) => write!(f, "gaps: {:.0} % of the flight unknown", 100.0 * frac),
+            Self::Gaps(frac) => {
+                write!(f, "{:.0} % of the flight are unknown because of gaps", 100.0 * frac)
+            }
             Self::Frozen => write!(f, "frozen: all rows repeat the same values"),
             Self::Saturated(s) => write!(f, "a motor at its limit for {s:.1} s"),
         }

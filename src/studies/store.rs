@@ -257,7 +257,7 @@ fn lock(folder: &Path) -> Result<File> {
         Ok(()) => Ok(file),
         Err(TryLockError::WouldBlock) => Err(Error::infeasible(
             format!("{}: another noctograph is writing here", folder.display()),
-            "wait until it is done, or name another folder",
+            "wait until that program ends, or name another folder",
         )),
         Err(TryLockError::Error(source)) => Err(Error::write(&path, source)),
     }
@@ -275,8 +275,8 @@ fn check_header(folder: &Path) -> Result<()> {
     let (text, wanted) = (HEADER.read_text(&path)?, "the header of a store");
     let text = text.trim();
     if text.is_empty() {
-        let hint = "remove it (a power failure may have left it empty); the flights in the folder \
-                    are kept";
+        let hint = "remove the file (a power failure may have left it empty); the flights in the \
+                    folder are kept";
         return Err(Error::input(path.display(), "an empty file", wanted, hint));
     }
     let Header { noctograph, format } = serde_json::from_str(text).map_err(|_broken| {

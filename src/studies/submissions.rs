@@ -96,7 +96,11 @@ fn gather(
     // A student without a file is also listed.
     if let Some(student) = student.filter(|_| submitted.len() == n_before) {
         let (path, name) = (folder.to_owned(), student.to_owned());
-        submitted.push(Submitted { path, name, refused: Some("it contains no file *.toml") });
+        submitted.push(Submitted {
+            path,
+            name,
+            refused: Some("the folder contains no file *.toml"),
+        });
     }
     if !hidden.is_empty() {
         let names = hidden.join(", ");
@@ -183,7 +187,7 @@ mod tests {
             "cy.toml.txt refused: not called *.toml",
             "dora.zip refused: an archive: unpack it",
             "eve_13/gains.py refused: a controller in Python: python -m noctograph.grade flies it",
-            "ida_14 refused: it contains no file *.toml",
+            "ida_14 refused: the folder contains no file *.toml",
             "bo_12/more refused: a folder in a student's folder",
         ] {
             assert!(rows.iter().any(|row| row == wanted), "{wanted}: {rows:?}");

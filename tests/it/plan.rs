@@ -62,7 +62,7 @@ fn an_even_noor_passes_and_a_typed_speed_is_too_fast_for_the_careful() {
     let (severity, memory) = row("memory");
     assert_eq!(severity, "fine");
     assert!(memory.contains(" of 4096 bytes compressed; "), "{memory}");
-    assert!(memory.contains(" of 31 pieces as poly4d; it can be exported as "), "{memory}");
+    assert!(memory.contains(" of 31 pieces as poly4d; the plan can be exported as "), "{memory}");
     assert_eq!(row("LED memory"), ("fine".into(), "not used".to_owned()));
     assert_eq!(row("lit transit").0, "fine", "{:?}", row("lit transit"));
     let long = run_json(Path::new("."), &["check", "ABCDEFGHIJKLMNOPQRSTUVWXYZ"]);

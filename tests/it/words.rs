@@ -45,7 +45,7 @@ fn a_plan_in_capitals_is_that_plan_and_a_word_is_never_guessed_from_a_file() {
             }
             let more = if verb == "export" { &["--to", "cflib"][..] } else { &[] };
             let error = refused(here, &[&[verb, word], more].concat());
-            let way = format!("`--word {word}` writes it as a word");
+            let way = format!("`--word {word}` writes this word");
             assert!(error.contains("word or file") && error.contains(&way), "{verb}: {error}");
         }
     }

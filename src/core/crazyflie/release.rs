@@ -77,7 +77,7 @@ impl Feature {
     pub const CLOCK: Self = Self {
         what: "the clock of trajectories and µSD logs is correct",
         since: Release::After2026_08,
-        before: "it runs at 84/85 of true time, because a timer counts to 85 instead of 84",
+        before: "the clock runs at 84/85 of true time, because a timer counts to 85 instead of 84",
         source: "`usec_time.c`; #1684, bb58cadf, not merged yet",
         here: "simulator, scripts, `import`",
     };
@@ -87,7 +87,7 @@ impl Feature {
         since: Release::R2025_12,
         before: "no driver",
         source: "`color_led_deck.c`; d4b1061b, 4512edd6",
-        here: "exports that drive it are refused",
+        here: "exports that use the deck are refused",
     };
     /// Lee's controller.
     pub const LEE: Self = Self {
@@ -95,7 +95,7 @@ impl Feature {
         since: Release::R2024_10,
         before: "number 5 is unassigned or a custom controller, and PID remains active",
         source: "`controller_lee.c`; 1f167ea0, 61b14665",
-        here: "exports that choose it are refused",
+        here: "exports that select the controller are refused",
     };
     /// Crazyflie 2.1 Brushless.
     pub const BRUSHLESS: Self = Self {
@@ -103,7 +103,7 @@ impl Feature {
         since: Release::R2024_10,
         before: "no separate gains and limits",
         source: "`platform_defaults_cf21bl.h`; 35f5092a",
-        here: "exports for it are refused",
+        here: "exports for this drone are refused",
     };
 
     /// All features on which this program depends, newest first.

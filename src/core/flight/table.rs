@@ -225,9 +225,9 @@ impl Table {
 pub const MILLISECONDS_HINT: &str =
     "are the times in milliseconds? Convert them to seconds, or cut the file to one flight";
 
-const SMALLER_HINT: &str = "reduce the rate of the log, or split it into parts";
+const SMALLER_HINT: &str = "reduce the sample rate of the log, or split the log into parts";
 
-pub(super) const REWRITE_HINT: &str = "correct the file, or have the program write it again";
+pub(super) const REWRITE_HINT: &str = "correct the file, or write it again with the program";
 
 /// Writes the header and the rows of a table, with numbers rounded to multiples of 1e-6.
 ///

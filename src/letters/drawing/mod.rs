@@ -46,7 +46,7 @@ pub const DRAWING: char = '\u{fffc}';
 pub const LIMIT: Limit = Limit {
     bytes: 8 << 20,
     what: "a drawing",
-    hint: "simplify its paths, or make the picture smaller",
+    hint: "simplify the drawing's paths, or make the picture smaller",
 };
 
 /// Maximum number of points of a drawing. At 0.2 m/s and a millimeter per point, they take 16
@@ -153,7 +153,8 @@ fn foreign(kind: &str, file: &str) -> Error {
     let (content, hint) = match kind {
         "heic" | "heif" | "avif" => (
             "a photo in an unsupported format",
-            "save it as JPEG or PNG: on an iPhone, Settings > Camera > Formats > Most Compatible",
+            "save the photo as JPEG or PNG: on an iPhone, Settings > Camera > Formats > Most \
+             Compatible",
         ),
         "tif" | "tiff" | "jp2" | "jxl" | "pgm" | "ppm" | "pbm" | "tga" | "psd" | "psb" | "ico"
         | "xcf" | "kra" | "procreate" => (
@@ -259,7 +260,7 @@ impl Placing {
         let size = left.abs().max(right.abs()).max(bottom.abs()).max(top.abs());
         if !(scale.is_finite() && scale > 0.0 && width.max(height) > ROUNDING * size) {
             let content = if width >= 0.0 { "a drawing without extent" } else { "nothing drawn" };
-            let hint = "add a visible path, since only these are drawn";
+            let hint = "add a visible path, because only visible paths are drawn";
             return Err(Error::input(file, content, "at least one stroke", hint).coded(EMPTY));
         }
         let (width_m, height_m) = (width * scale, height * scale);

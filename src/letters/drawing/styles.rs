@@ -39,7 +39,7 @@ const MAX_NAMES: usize = 20;
 const MAX_NAME_LENGTH: usize = 80;
 
 /// Help text for an unsupported feature.
-const HELP: &str = "convert it to plain paths in the editor of the drawing";
+const HELP: &str = "convert the element to plain paths in the drawing's editor";
 
 /// Unsupported features by name and treatment, with the number of elements and the first one's
 /// position.

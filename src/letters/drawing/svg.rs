@@ -42,7 +42,7 @@ const DASH: f64 = 1e-5;
 const GRADIENT: f64 = 0.95;
 
 /// Hint for a file that contains text.
-const TEXT: &str = "convert it to paths in the SVG editor (Inkscape: Path > Object to Path; \
+const TEXT: &str = "convert text to paths in the SVG editor (Inkscape: Path > Object to Path; \
                     Illustrator: Type > Create Outlines)";
 
 /// A drawing in the units of its file, with y up.
@@ -148,7 +148,7 @@ fn name_signs<'a, 'input: 'a>(
     if let Some(text) = texts.first() {
         let count = if texts.len() == 1 { "text".into() } else { format!("{} texts", texts.len()) };
         let line = u64::from(document.text_pos_at(text.range().start).row);
-        let error = Error::input("", count, "paths instead of text", TEXT);
+        let error = Error::input("", count, "a drawing that contains paths instead of text", TEXT);
         return Err(error.coded("drawing-text").in_file(file, line));
     }
     for node in others {

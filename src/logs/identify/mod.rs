@@ -236,7 +236,7 @@ fn accelerations(
         if values.iter().any(|value| *value != values[0]) {
             return Some(values.iter().map(|value| value * unit).collect());
         }
-        let text = format!("{name}: frozen at {}, as if it was not logged", values[0]);
+        let text = format!("{name}: frozen at {}, as if not logged", values[0]);
         left_out.push(Diagnostic::warning("source-frozen", text));
     }
     None

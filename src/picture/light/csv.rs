@@ -111,7 +111,7 @@ pub fn read(text: &[u8], file: &str) -> Result<Warned<LightTrace>> {
     let t = table.times_in("t", unit_s)?;
     if let Some(first) = t.first().filter(|first| **first != 0.0) {
         let first_s = on_grid(first * unit_s);
-        warnings.push(format!("its clock starts at {first_s} s, but the exposure at 0 s"));
+        warnings.push(format!("the clock starts at {first_s} s, but the exposure at 0 s"));
     }
     // Positions may have any sign, but intensities may not be negative.
     let [x, y, z] = [table.quantity("x")?, table.quantity("y")?, table.quantity("z")?];
@@ -180,7 +180,7 @@ fn unit_cd(table: &Table, is_trace: bool, warnings: &mut Vec<String>) -> f64 {
              levels";
         (1.0, warning.to_owned())
     } else {
-        let levels = "its colors are interpreted as levels from 0 to 255";
+        let levels = "the colors are interpreted as levels from 0 to 255";
         (FULL_CD / FULL_LEVEL, format!("{levels}, where 255 is {FULL_CD} cd"))
     };
     warnings.push(warning);

@@ -76,7 +76,7 @@ fn check_memory(bytes: &[u8], path: &Path) -> Result<()> {
     let [width, height] = frame.size_px;
     let photo =
         format!("a {kind}JPEG of {width}x{height} pixels, which takes {} MiB", needed >> 20);
-    let hint = "scale the photo down, or save it again as a baseline JPEG";
+    let hint = "scale the photo down, or save the photo again as a baseline JPEG";
     Err(Error::input(path.display(), photo, format!("at most {} MiB", MAX_BYTES >> 20), hint))
 }
 

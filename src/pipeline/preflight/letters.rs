@@ -23,7 +23,7 @@ pub(super) fn check_letters(strokes: &Strokes, style: &Style) -> Vec<Diagnostic>
         "doubled stroke",
         glyphs.iter().map(|glyph| (glyph.character, doubled_m(&glyph.moves))),
         SHORT_M,
-        "every line drawn once",
+        "every line is drawn once",
         match strokes.font {
             Some(_) => "write with {letters.font=ae483-fixed} or simplex",
             None => "leave out one of the overlapping lines of the drawing",
@@ -37,7 +37,7 @@ pub(super) fn check_letters(strokes: &Strokes, style: &Style) -> Vec<Diagnostic>
                 (glyph.character, lost_h * glyph.cell.cap_height_m)
             }),
             0.0,
-            "every stroke of the typeface drawn",
+            "every stroke of the typeface is drawn",
             "write with {letters.font=simplex} or a plainer typeface",
         ));
     }

@@ -33,8 +33,8 @@ pub(super) fn check_memory(shoot: &Shoot, drone: usize) -> Diagnostic {
         .map(|is_beyond| if is_beyond { ", too many" } else { "" });
     let detail = formats.join(", ");
     let forms = match detail.as_str() {
-        "" => "no export format accepts it".to_owned(),
-        formats => format!("it can be exported as {formats}"),
+        "" => "no export format accepts the plan".to_owned(),
+        formats => format!("the plan can be exported as {formats}"),
     };
     let heading = if flies_heading {
         String::new()

@@ -181,8 +181,8 @@ fn things(shoot: &Shoot, plan: &Plan, profile: &Profile) -> Vec<Thing> {
         let is_stand = *height_m == stand_m;
         let top_m = if is_stand { *height_m } else { f64::INFINITY };
         let ends_m = [*x_m, *y_m, [f64::NEG_INFINITY, top_m]];
-        let advice = "move it out of the flight's way ({floor.steps}), or write smaller or higher \
-                      ({letters.canvas_m}, {letters.baseline_m})";
+        let advice = "move the step out of the flight's way ({floor.steps}), or write smaller or \
+                      higher ({letters.canvas_m}, {letters.baseline_m})";
         let shape = Solid::Block { ends_m, radius_m: 0.0 };
         things.push(Thing { name: format!("floor.steps[{number}]"), shape, is_stand, advice });
     }
@@ -199,7 +199,8 @@ fn beacons(scene: &Scene, ceiling_m: f64) -> Vec<Thing> {
         } else {
             Solid::Block { ends_m: [[x; 2], [y; 2], [z; 2]], radius_m: BEACON_M }
         };
-        let advice = "move it ({sensors.lighthouse.stations}, {sensors.uwb.anchors_m})";
+        let advice = "move the station or anchor ({sensors.lighthouse.stations}, \
+                      {sensors.uwb.anchors_m})";
         Thing { name, shape, is_stand: false, advice }
     });
     beacons.collect()
@@ -216,7 +217,7 @@ fn reflectors(scene: &Scene) -> Vec<Thing> {
             if normal.z.abs() < LEVEL_COS {
                 let name = format!("sensors.lighthouse.{key}[{number}]");
                 let shape = Solid::Plane(Vector3::from(*point_m), normal);
-                let advice = "fly in front of it ({sensors.lighthouse.mirrors_m})";
+                let advice = "fly in front of the mirror or pane ({sensors.lighthouse.mirrors_m})";
                 things.push(Thing { name, shape, is_stand: false, advice });
             }
         }

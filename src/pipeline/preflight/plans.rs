@@ -313,7 +313,7 @@ fn lamps(plan: &Plan, light: &LightOptions) -> Diagnostic {
         }
         Err(error) => {
             Diagnostic::check("lamps", Severity::Warning, None).detailed(error.to_string()).say(
-                "no export can light them, because a lamp has no firmware parameter",
+                "no export can control the lights, because a lamp has no firmware parameter",
                 wanted,
                 "light with {plan.lights=[\"headlights\"]}, or name the parameter of the lamp in \
              {light.fixtures}",

@@ -164,8 +164,8 @@ fn baseline(scene: &Scene) -> Diagnostic {
     let is_near = is_by_lighthouse(scene) && stations.len() > 1 && widest_m < BASELINE_M;
     Diagnostic::check("baseline", warn_if(is_near), widest_m).within(BASELINE_M).say(
         format!("base stations are {widest_m:.2} m apart"),
-        format!("{BASELINE_M} m or more between two of them"),
-        "mount them in opposite corners of the room ({sensors.lighthouse.stations})",
+        format!("{BASELINE_M} m or more between two stations"),
+        "mount the stations in opposite corners of the room ({sensors.lighthouse.stations})",
     )
 }
 

@@ -21,7 +21,7 @@ const SCENE: &str = "scene.toml";
 const FILE: Limit = Limit {
     bytes: 128 << 20,
     what: "a plan or a flight",
-    hint: "shorten it, or remove some of its rows",
+    hint: "shorten the file, or remove some of its rows",
 };
 
 /// Text of a scene that came with a file.
@@ -98,7 +98,8 @@ impl CarriedScene {
             _ => format!("one of the files with which {scene} was written, {names}"),
         };
         let hint = format!(
-            "write both again, or name the scene: {scene} is right only if you edited {} yourself",
+            "write both files again, or name the scene: {scene} is right only if you edited {} \
+             yourself",
             name(path)
         );
         Err(Error::input(path.display(), format!("a file with digest {actual}"), wanted, hint))

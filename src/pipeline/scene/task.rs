@@ -45,7 +45,8 @@ impl SceneTask {
         keys.retain(|key| !FILES.contains(&key.as_str()));
         for named in &may {
             if !keys.iter().any(|key| covers(named, key)) {
-                let wanted = "a key of a scene that names no file, or a table: controller.*";
+                let wanted = "a scene key that names no file, or all keys of a table, such as \
+                              controller.*";
                 let hint = suggestion(named, keys.iter().map(String::as_str), || text::HINT.into());
                 return Err(Error::input("may", named, wanted, hint));
             }

@@ -180,7 +180,7 @@ pub(super) fn read(toml: &str, file: &str) -> Result<Table> {
 pub(super) fn read_file(path: &Path) -> Result<String> {
     let text = LIMIT.read_text(path)?;
     if text.trim().is_empty() {
-        let hint = "print it again, because the command that printed it may have failed";
+        let hint = "print the scene again, because the command that printed it may have failed";
         return Err(Error::input(path.display(), "an empty file", "a scene", hint));
     }
     Ok(text)

@@ -258,7 +258,7 @@ pub(super) fn log_gaps(flight: &Flight) -> impl Iterator<Item = Diagnostic> {
         let (n, more) = (gaps.len(), if gaps.len() > MAX_SPANS { ", …" } else { "" });
         Diagnostic::warning("log-gaps", format!("gaps of the log: {n} {effect} ({spans}{more})"))
             .with("n", n)
-            .helped("log fewer variables, or on the \u{b5}SD card")
+            .helped("log fewer variables, or log to the \u{b5}SD card")
     })
 }
 

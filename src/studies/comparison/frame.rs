@@ -103,7 +103,7 @@ pub(super) fn place(
             "flights A and B",
             "paths {apart_m:.2} m apart, and {left_m:.2} m after the best rotation and shift",
             "paths in one frame",
-            "they use two frames, so convert one log, or compare flights that have setpoints",
+            "the paths use two frames, so convert one log, or compare flights that have setpoints",
         ));
     }
     Ok((offset_s, None))
