@@ -155,7 +155,7 @@ mod tests {
         let many = refused("[camera]\niso = 1\nf_number = 9\nwidth_px = 9\nheight_px = 9", &[]);
         assert!(many.ends_with("; and 1 more keys"), "{many}");
         let font = refused("", &["letters.font"]);
-        assert!(font.contains("a key of a scene that names no file"), "{font}");
+        assert!(font.contains("a scene key that names no file"), "{font}");
         assert!(refused("", &["controller.kinds"]).contains("may: found controller.kinds"));
     }
 }
