@@ -177,17 +177,9 @@ fn read(args: &CompareArgs, options: &ComparisonOptions) -> Result<[Flight; 2]> 
         };
         let [of_a, of_b] = [apart_m(&a, &b_stamped), apart_m(&a_stamped, &b)];
         if of_a.min(of_b) * CLEARLY > of_a.max(of_b) || of_a == of_b {
-            let actual = "two logs, neither of which contains motors, rates, estimates or \
-                          setpoints";
-            let hint = "import the drone's log separately with this ratio, and compare the \
-                        resulting flight";
-            return Err(Error::input(
-                "clock_ratio",
-                actual,
-                "exactly one log recorded by the drone \
-                                                            itself",
-                hint,
-            ));
+            let actual = "two logs without motors, rates, estimates or setpoints";
+            let hint = "import the drone's log separately with this ratio, and compare the flight";
+            return Err(Error::input("clock_ratio", actual, "one log by the drone", hint));
         }
         of_a < of_b
     };
@@ -236,8 +228,7 @@ fn in_words(cause: Discrepancy) -> (String, &'static str) {
     match cause {
         Discrepancy::Lag(s) if s > 0.0 => (
             format!("B is {s:.2} s behind A"),
-            "plan with plan.reference=inverse; if only B's clock is late, compare with --align \
-             flown",
+            "plan with plan.reference=inverse; if only B's clock is late, use --align flown",
         ),
         Discrepancy::Lag(s) => (
             format!("B is {:.2} s ahead of A", -s),
@@ -259,7 +250,7 @@ fn in_words(cause: Discrepancy) -> (String, &'static str) {
             "measure B's drone and adjust the scene: noctograph identify B",
         ),
         Discrepancy::Noise(m) => (
-            format!("B oscillates about its path with {:.0} mm (RMS)", 1e3 * m),
+            format!("B oscillates about its path by {:.0} mm (RMS)", 1e3 * m),
             "reduce the gains, or check the propellers and the measured positions",
         ),
     }

@@ -40,7 +40,7 @@ pub(super) struct SetFlag {
 /// Flags that select the scene.
 #[derive(Debug, Args)]
 pub(super) struct SceneFlags {
-    /// Scene: a file (TOML), a photo made by this program (PNG), a script's log, a plan or flight with
+    /// Scene: a file (TOML), a photo by this program (PNG), a script's log, a plan or flight with
     /// its scene beside it, a preset, team, pid, geometric, tuned, or a folder with scene.toml
     /// [default: that of the plans, flights or logs that are named]
     #[arg(long, value_name = "SCENE")]
@@ -428,10 +428,7 @@ fn plans_in(input: &str) -> Result<Vec<PathBuf>> {
 pub(super) fn warn_of_fewer_drones(shoot: &Shoot) {
     let (wanted, planned) = (shoot.scene.plan.drones as usize, shoot.plans.len());
     if planned < wanted {
-        warn([format!(
-            "only {planned} of {wanted} drones fly, because the drawing has too few strokes for \
-             more"
-        )]);
+        warn([format!("only {planned} of {wanted} drones fly, because there are too few strokes")]);
     }
 }
 

@@ -22,8 +22,7 @@ use noctograph_core::files::Limit;
 pub(super) const FLIGHTS: Limit = Limit {
     bytes: 384 << 20,
     what: "flights",
-    hint: "reduce the sample rate of the logs, cut them to the time of the picture, or read fewer \
-           logs at a time",
+    hint: "reduce the sample rate, cut logs to the time of the picture, or read fewer logs",
 };
 
 /// Flags for reading this program's flights or logs of real flights.

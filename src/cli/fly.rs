@@ -52,10 +52,8 @@ pub(super) fn run(args: &FlyArgs) -> Result<Report> {
         // Only the log of a drone's own clock, without a zero timestamp, needs a firmware.
         if log.firmware.is_none() && log.zero_stamp_s.is_none() {
             let release = scene.vehicle.firmware.name();
-            let text = format!(
-                "the log names no firmware, so release {release} is assumed \
-                         (vehicle.firmware)"
-            );
+            let text =
+                format!("the log names no firmware: {release} is assumed (vehicle.firmware)");
             warn_of(path, &[text]);
         }
         plans.push(sent(&log.flight)?);

@@ -433,7 +433,7 @@ fn room(text: &str) -> std::result::Result<Room, String> {
         low_m: Vector3::new(left, front, bottom),
         high_m: Vector3::new(right, back, top),
     });
-    let wanted = "wanted the minimum x, y, z and the maximum x, y, z in meters, such as \
+    let wanted = "wanted the lowest and the highest x, y, z in meters, such as \
                   -2,-2,0,2,2,2.4";
     room.filter(|room| (room.high_m - room.low_m).min() > 0.0).ok_or_else(|| wanted.to_owned())
 }

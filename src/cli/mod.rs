@@ -386,11 +386,7 @@ fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) 
         }
         return pool.install(work);
     }
-    message(
-        "note: ",
-        "the system allows no additional threads, so a single thread does all the \
-                       work",
-    );
+    message("note: ", "the system allows no more threads, so a single thread does all the work");
     let present = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread();
     present.build_global().map_err(|error| {
         let hint = "allow more processes (ulimit -u)";

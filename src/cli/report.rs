@@ -78,10 +78,7 @@ pub(super) fn run(args: &ReportArgs) -> Result<Report> {
     let product = json!({ "shown": shown, "not_shown": others });
     let report = Report::with_words(product, &words, LAYOUT);
     if let Some(more) = more {
-        page = page.text(&format!(
-            "{more} files are left out, because a page shows at most \
-                                   {MAX_FILES}"
-        ));
+        page = page.text(&format!("{more} files are left out: a page shows at most {MAX_FILES}"));
     }
     let file = output.keep(page.html())?;
     Ok(report.with_files(&[file]))

@@ -156,11 +156,7 @@ fn table(args: &ServeArgs, page: &str, addresses: &Addresses, has_room: bool) ->
     // The network address is followed by a line that says what it allows.
     let mut text = line("page", page);
     if args.network && addresses.network.is_none() {
-        text += &line(
-            "network",
-            "none: connect this machine to a network, and start the server \
-                                  again",
-        );
+        text += &line("network", "none: connect this machine to a network, and start again");
     }
     if let Some([visitors, kiosk]) = &addresses.network {
         if args.kiosk {

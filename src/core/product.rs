@@ -131,10 +131,7 @@ pub fn check_picture(size_px: [u32; 2], n_values: usize, n_channels: usize) -> R
         return Ok(());
     }
     let actual = format!("{n_values} values for {width_px} x {height_px} pixels");
-    let wanted = format!(
-        "at least one pixel, and {n_channels} values per pixel, which is \
-                          {n_wanted}"
-    );
+    let wanted = format!("at least one pixel, and {n_channels} values each: {n_wanted}");
     Err(Error::input(
         "picture",
         actual,

@@ -121,8 +121,7 @@ impl Rules for StrokesData {
     fn check(&self) -> Result<()> {
         let (n, colors) = (self.glyphs.len(), self.colors.len());
         if colors != 0 && colors != n {
-            let (actual, wanted) =
-                (format!("{colors} colors"), format!("{n} colors, one per glyph"));
+            let (actual, wanted) = (format!("{colors} colors"), format!("{n}, one per glyph"));
             return Err(Error::input("colors", actual, wanted, "give one color per glyph"));
         }
         // The cell and the moves of each glyph are checked together.
@@ -143,7 +142,7 @@ impl Rules for StrokesData {
                     "glyphs",
                     actual,
                     "paces above 0",
-                    "a pace of 1 is normal",
+                    "1 is the normal pace",
                 ));
             }
         }

@@ -199,8 +199,7 @@ fn refused(part: &str, font: &Font, n_before: usize, unset: Unset) -> Error {
         Unset::TooLarge(_, n) => input_error!(
             place,
             "{n} consecutive letters that touch each other",
-            "fewer letters, because touching letters form one outline of at most {MAX_POINTS} \
-             points",
+            "fewer letters: touching ones form one outline of at most {MAX_POINTS} points",
             "put a space or a line end between the letters",
         ),
     }
@@ -216,14 +215,9 @@ fn missing(part: &str, font: &Font, position: usize, letter: char) -> Error {
             font.name()
         )
     } else if single_line.is_some_and(|font| font.face.shape(letter).is_some()) {
-        format!(
-            "name the font {SINGLE_LINE}, which contains the letter, or add this font to \
-                 letters.fallback"
-        )
+        format!("choose {SINGLE_LINE}, which has this letter, or add it to letters.fallback")
     } else {
-        "name a typeface that contains the letter in letters.fallback, such as one of the Noto \
-         fonts"
-            .to_owned()
+        "add a typeface with this letter to letters.fallback, such as a Noto font".to_owned()
     };
     // The characters of a small font are listed, except those that draw nothing.
     let characters = font.characters();

@@ -90,27 +90,16 @@ const FORMATS: [(&[u8], &str, &str); 31] = [
     (
         b"ULog\x01\x12\x35",
         "a PX4 ULog",
-        "import the file vehicle_local_position that `ulog2csv \
-                                         FILE` writes",
+        "import the vehicle_local_position file of `ulog2csv FILE`",
     ),
     (b"\xa3\x95", "a DataFlash log of ArduPilot", BY_MAVLOGDUMP),
     (b"FMT, 128,", "an ArduPilot DataFlash log, as text", BY_MAVLOGDUMP),
     (b"#ROSBAG V", "a ROS 1 rosbag", "import the output of `rostopic echo -b FILE -p /TOPIC`"),
     (b"SQLite format 3\0", "an SQLite file, such as a ROS 2 rosbag", BY_PLOTJUGGLER),
     (b"\x89MCAP", "an MCAP file, such as a ROS 2 rosbag", BY_PLOTJUGGLER),
-    (
-        b"PAR1",
-        "a Parquet file",
-        "write the log as CSV: \
-                                 pandas.read_parquet(FILE).to_csv(\"log.csv\")",
-    ),
+    (b"PAR1", "a Parquet file", "write CSV: pandas.read_parquet(FILE).to_csv(\"log.csv\")"),
     (b"\x89HDF", "an HDF5 file", "write the series as CSV with a header t,x,y,z"),
-    (
-        b"MATLAB 5.0",
-        "a MATLAB file",
-        "write the log with writetable(T, \"log.csv\"), and import \
-                                      the CSV file",
-    ),
+    (b"MATLAB 5.0", "a MATLAB file", "write CSV with writetable(T, \"log.csv\"), and import it"),
     (b"\x93NUMPY", "a NumPy file", "write the log with numpy.savetxt, and a header t,x,y,z"),
     (b"PK\x03\x04", "a zip file or a spreadsheet", "unpack the file, or save the sheet as CSV"),
     (b"\x1f\x8b", "a gzip file", "unpack the file with `gunzip FILE`"),
@@ -121,12 +110,7 @@ const FORMATS: [(&[u8], &str, &str); 31] = [
     (b"\x80", "a Python pickle", "write the log as CSV with a header t,x,y,z"),
     (b"<", "a file in XML or HTML", "write the track as CSV with a header t,x,y,z"),
     (b"\xd0\xcf\x11\xe0", "an old spreadsheet", "save the sheet as CSV"),
-    (
-        b"\xfd\x09\0\0",
-        "a MAVLink telemetry log",
-        "convert the log with `mavlogdump.py --format \
-                                                  csv`",
-    ),
+    (b"\xfd\x09\0\0", "a MAVLink telemetry log", "convert it with `mavlogdump.py --format csv`"),
     (
         b"H Product:Blackbox",
         "a Betaflight log",

@@ -57,14 +57,12 @@ keys! {
     LetterMissing "letter-missing" 422 "a letter cannot be written" "use another letter";
     LettersMany "letters-many" 422 "too many of these letters follow each other" "write fewer";
     DrawingEmpty "drawing-empty" 422 "there is nothing to follow" "draw a line";
-    DrawingBroken "drawing-broken" 422 "the drawing cannot be read" "save the drawing as plain \
-                                                                     SVG or JPEG";
+    DrawingBroken "drawing-broken" 422 "the drawing cannot be read" "use a plain SVG or JPEG";
     DrawingText "drawing-text" 422 "the drawing contains text" "convert the text to paths";
     DrawingLarge "drawing-large" 422 "the drawing has too many strokes" "draw a simpler one";
     PictureNone "picture-none" 422 "no lines were found in the picture" "choose a picture of lines on paper";
     FlightLong "flight-long" 422 "the flight would take too long" "write or draw less";
-    FlightImpossible "flight-impossible" 422 "this cannot be flown" "change something and try \
-                                                                     again";
+    FlightImpossible "flight-impossible" 422 "this cannot be flown" "change something and try again";
     TooSlow "too-slow" 422 "making the photo took too long" "write or draw less";
     TooLarge "too-large" 422 "making the photo took too much memory" "write or draw less";
     NotSafe "not-safe" 409 "the flight is not safe" "change what the report names";
@@ -73,8 +71,7 @@ keys! {
     Busy "busy" 503 "many visitors are waiting" "try again";
     Closed "gone" 404 "this is no longer stored" "take the photo again";
     DiskFull "disk-full" 507 "a file could not be saved" "ask the host: the disk may be full";
-    NotRemoved "not-removed" 500 "the entry could not be removed" "ask the host to remove the \
-                                                                   entry";
+    NotRemoved "not-removed" 500 "the entry could not be removed" "ask the host to remove it";
     EntriesMany "entries-many" 429 "too many entries were sent from here at once" "try again in a moment";
     QueueFull "queue-full" 503 "the queue is full" "come again later";
     Paused "paused" 503 "no entries are accepted at the moment" "try again later";

@@ -11,12 +11,8 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Limit;
 
 const FILE: &str = "address.json";
-const LIMIT: Limit = Limit {
-    bytes: 4 << 10,
-    what: "an address",
-    hint: "remove the file to create \
-                                                                        a new one",
-};
+const LIMIT: Limit =
+    Limit { bytes: 4 << 10, what: "an address", hint: "remove it to create a new one" };
 
 /// Secrets in the addresses, and their port.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]

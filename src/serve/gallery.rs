@@ -27,12 +27,7 @@ use noctograph_score::{LetterVerdict, Reason};
 const ENTRY: &str = "entry.json";
 const SUBJECT: &str = "wish.json";
 const ORDER: &str = "queue.json";
-const TABLE: Limit = Limit {
-    bytes: 1 << 20,
-    what: "an entry",
-    hint: "move the file out of the \
-                                                                      gallery",
-};
+const TABLE: Limit = Limit { bytes: 1 << 20, what: "an entry", hint: "move it out of the gallery" };
 
 /// Name of an entry's photo.
 pub(crate) const PNG: &str = "photo.png";

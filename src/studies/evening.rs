@@ -115,7 +115,7 @@ impl fmt::Display for Flaw {
             Self::Silent(why) => write!(f, "no figures: {why}"),
             Self::Short(air_s) => write!(f, "only {air_s:.1} s in the air"),
             Self::Gaps(frac) => {
-                write!(f, "{:.0} % of the flight are unknown because of gaps", 100.0 * frac)
+                write!(f, "gaps in {:.0} % of the flight", 100.0 * frac)
             }
             Self::Frozen => write!(f, "frozen: all rows repeat the same values"),
             Self::Saturated(s) => write!(f, "a motor at its limit for {s:.1} s"),

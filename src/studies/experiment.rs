@@ -61,12 +61,7 @@ impl Study {
             } else {
                 "name words, each with its number of seeds: NOOR:50"
             };
-            return Err(Error::input(
-                "study",
-                counts,
-                "at least one scene, one word and one seed",
-                hint,
-            ));
+            return Err(Error::input("study", counts, "a scene, a word and a seed", hint));
         }
         // Results are listed by contender and stratified by word, so both must be unique.
         let mut names = HashSet::new();

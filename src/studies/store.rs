@@ -275,8 +275,7 @@ fn check_header(folder: &Path) -> Result<()> {
     let (text, wanted) = (HEADER.read_text(&path)?, "the header of a store");
     let text = text.trim();
     if text.is_empty() {
-        let hint = "remove the file (a power failure may have left it empty); the flights in the \
-                    folder are kept";
+        let hint = "remove the file (a power failure may have left it empty); flights are kept";
         return Err(Error::input(path.display(), "an empty file", wanted, hint));
     }
     let Header { noctograph, format } = serde_json::from_str(text).map_err(|_broken| {

@@ -96,11 +96,7 @@ fn gather(
     // A student without a file is also listed.
     if let Some(student) = student.filter(|_| submitted.len() == n_before) {
         let (path, name) = (folder.to_owned(), student.to_owned());
-        submitted.push(Submitted {
-            path,
-            name,
-            refused: Some("the folder contains no file *.toml"),
-        });
+        submitted.push(Submitted { path, name, refused: Some("the folder has no file *.toml") });
     }
     if !hidden.is_empty() {
         let names = hidden.join(", ");
@@ -187,7 +183,7 @@ mod tests {
             "cy.toml.txt refused: not called *.toml",
             "dora.zip refused: an archive: unpack it",
             "eve_13/gains.py refused: a controller in Python: python -m noctograph.grade flies it",
-            "ida_14 refused: the folder contains no file *.toml",
+            "ida_14 refused: the folder has no file *.toml",
             "bo_12/more refused: a folder in a student's folder",
         ] {
             assert!(rows.iter().any(|row| row == wanted), "{wanted}: {rows:?}");

@@ -80,7 +80,7 @@ fn a_log_that_names_no_firmware_is_flown_by_a_guess_that_is_said() {
         String::from_utf8(run.get_output().stderr.clone()).unwrap()
     };
     let warned = said("log.csv", "flown.csv");
-    assert!(warned.contains("log.csv: the log names no firmware, so release"), "{warned}");
+    assert!(warned.contains("log.csv: the log names no firmware: "), "{warned}");
     assert!(!said("flown.csv", "again.csv").contains("firmware"), "a flight of ours has none");
 }
 
@@ -135,7 +135,7 @@ fn files_that_cannot_be_compared_or_flown_are_refused() {
     let letters = [&untold[..], &["--part", "letters"]].concat();
     fails(&letters, &files, &["no sample is part of a letter", "airborne part"]);
     let apart = ["compare", "a.csv", "a.csv", "--offset", "-500", "-o", "plots"];
-    fails(&apart, &files, &["a time range that both flights cover", "shift B's clock"]);
+    fails(&apart, &files, &["a time that both flights cover", "shift B's clock"]);
     fails(&["compare", "a.csv", "a.csv", "--offset", "NaN"], &files, &["offset_s", "NaN"]);
 
     fails(&["fly", "--setpoints", "nowhere.csv"], &files, &["no design position"]);

@@ -179,11 +179,7 @@ fn a_small_stack_and_no_threads_are_enough_but_not_both() {
     for limit in ["-s 64", "-s 1024", "-u 1"] {
         let (code, error) = limited(limit, small);
         assert!(matches!(code, Some(0 | 1)), "{limit}: {error}");
-        assert_eq!(
-            error.contains("allows no additional thread"),
-            limit == "-u 1",
-            "{limit}: {error}"
-        );
+        assert_eq!(error.contains("allows no more thread"), limit == "-u 1", "{limit}: {error}");
     }
     let (code, error) = limited("-u 1; ulimit -s 1024", small);
     assert_eq!(code, Some(2), "{error}");

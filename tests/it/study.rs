@@ -238,7 +238,7 @@ fn shards_in_processes_of_their_own_merge_to_what_one_process_ranks() {
 fn broken_studies_are_named() {
     fails(&["rank", "nobody"], &[], &["nobody", "team, pid, geometric"]);
     fails(&["rank", "team", "--words", "N1:x"], &[], &["N1:x", "WORD:N"]);
-    fails(&["rank", "team", "--words", "NOOR:0"], &[], &["at least one scene"]);
+    fails(&["rank", "team", "--words", "NOOR:0"], &[], &["a scene, a word and a seed"]);
     fails(
         &["rank", "team", "--conditions", "c.toml"],
         &[("c.toml", "rain = 1")],

@@ -27,7 +27,7 @@ settings! {
     /// starting point for light painting. The default blur is half the usual 30 µm circle of
     /// confusion.
     pub struct CameraOptions {
-        /// Automatic exposure. The meter is off if a scene sets `f_number` or `iso` but not this key.
+        /// Automatic exposure. The meter is off if `f_number` or `iso` is set without this key.
         metering: Metering = Metering::default();
         /// Width of the picture in pixels.
         width_px: u32 = 1920, in 1.0..=16_384.0;

@@ -167,13 +167,7 @@ fn corners(options: &LetterOptions, file: &str) -> Result<Option<Corners>> {
 /// Returns the error for a picture that cannot be decoded.
 fn unreadable(file: &str, cause: impl std::fmt::Display) -> Error {
     let wanted = "a picture as PNG, JPEG, WebP, GIF or BMP";
-    Error::input(
-        file,
-        cause,
-        wanted,
-        "choose another file, or save the picture as PNG or at a \
-                                       smaller size",
-    )
+    Error::input(file, cause, wanted, "choose another file, or save the picture as a smaller PNG")
 }
 
 /// Returns the picture upright, opaque and downscaled, the size of its pixels in pixels of the

@@ -153,7 +153,7 @@ fn foreign(kind: &str, file: &str) -> Error {
     let (content, hint) = match kind {
         "heic" | "heif" | "avif" => (
             "a photo in an unsupported format",
-            "save the photo as JPEG or PNG: on an iPhone, Settings > Camera > Formats > Most \
+            "save a JPEG or PNG: on an iPhone, Settings > Camera > Formats > Most \
              Compatible",
         ),
         "tif" | "tiff" | "jp2" | "jxl" | "pgm" | "ppm" | "pbm" | "tga" | "psd" | "psb" | "ico"

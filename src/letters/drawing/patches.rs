@@ -65,11 +65,8 @@ const NOT_RULED: Warning = (
     "{n} ruled lines of the paper are not drawn, which are lines from edge to edge that are paler \
      than the rest",
 );
-const COLORS_TOUCH: Warning = (
-    "picture-colors-touch",
-    "touching areas of different colors are drawn as one: leave a gap \
-                              between them",
-);
+const COLORS_TOUCH: Warning =
+    ("picture-colors-touch", "touching areas of different colors are drawn as one: leave gaps");
 const TOO_FINE: Warning = (
     "picture-fine",
     "light fills the gaps in so fine a picture ({n} lines), so a QR code, for example, \

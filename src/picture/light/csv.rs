@@ -160,8 +160,7 @@ fn unit_from_steps_s(table: &Table, warnings: &mut Vec<String>) -> Result<f64> {
     let timestamps = unit_of(table.column("t")?);
     let (unit_s, step) = (timestamps.unit_s, timestamps.step);
     if unit_s != 1.0 {
-        warnings
-            .push(format!("timestamps are {step} apart: their unit is assumed to be {unit_s} s"));
+        warnings.push(format!("timestamps are {step} apart: the assumed unit is {unit_s} s"));
     }
     Ok(unit_s)
 }
@@ -176,8 +175,7 @@ fn unit_cd(table: &Table, is_trace: bool, warnings: &mut Vec<String>) -> f64 {
         return 1.0;
     }
     let (unit_cd, warning) = if is_trace {
-        let warning = "r, g and b are whole numbers up to 255: they are interpreted as candela, not as \
-             levels";
+        let warning = "r, g and b are whole numbers up to 255: read as candela, not as levels";
         (1.0, warning.to_owned())
     } else {
         let levels = "the colors are interpreted as levels from 0 to 255";

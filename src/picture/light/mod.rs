@@ -73,12 +73,7 @@ fn check_lamp(lamp: &Lamp) -> Result<()> {
         let place = |what: &str| format!("lamp `{name}` at {time_s} s: {what}");
         let hint = "the flight or log from which this light comes is damaged at this time";
         if !time_s.is_finite() || *time_s < previous_s {
-            return Err(Error::input(
-                place("time"),
-                time_s,
-                "a time not before the previous one",
-                hint,
-            ));
+            return Err(Error::input(place("time"), time_s, "times that never decrease", hint));
         }
         previous_s = *time_s;
         for (what, v) in [("position", position_m), ("axis", axis)] {

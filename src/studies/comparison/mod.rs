@@ -124,11 +124,7 @@ pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Co
     let (Some(first), Some(last)) = (pairs.first(), pairs.last()) else {
         let [a, b] = [samples_a, samples_b]
             .map(|s| format!("{:.2} … {:.2} s", s[0].time_s, s[s.len() - 1].time_s));
-        let (spans, wanted) = (
-            format!("A at {a}, B at {b}"),
-            "a time range that both flights \
-                                                               cover",
-        );
+        let (spans, wanted) = (format!("A at {a}, B at {b}"), "a time that both flights cover");
         let hint = "shift B's clock, or compare two flights of the same plan";
         let error = Error::input("flights A and B", spans, wanted, hint);
         return Err(error.coded("clocks-apart"));

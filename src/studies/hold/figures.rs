@@ -233,23 +233,15 @@ impl HoldFigures {
         {
             if found_m > limit_m {
                 let [found_cm, limit_cm] = [found_m, limit_m].map(|m| 100.0 * m);
-                missed
-                    .push(format!("the {name} error of {found_cm:.1} cm exceeds {limit_cm:.1} cm"));
+                missed.push(format!("{name} error of {found_cm:.1} cm exceeds {limit_cm:.1} cm"));
             }
         }
         if !(low..=high).contains(&self.inside) {
-            missed.push(format!(
-                "the altitude is inside its band for a fraction of {:.3}, not \
-                                 {low} to {high}",
-                self.inside
-            ));
+            missed.push(format!("inside the band for {:.3}, not {low} to {high}", self.inside));
         }
         if self.hover_throttle > hover_throttle {
             let throttle = self.hover_throttle;
-            missed.push(format!(
-                "the hover throttle error of {throttle:.4} exceeds \
-                                 {hover_throttle}"
-            ));
+            missed.push(format!("hover throttle error {throttle:.4} above {hover_throttle}"));
         }
         // Innovations have limits in both directions, states only against a σ that is too small.
         let [low, high] = nis;
@@ -257,10 +249,7 @@ impl HoldFigures {
         missed.extend(beyond.map(|nis| format!("the NIS is {nis:.2}, not {low} to {high}")));
         let overconfident = self.states.iter().filter(|s| s.verdict == HoldVerdict::Overconfident);
         missed.extend(overconfident.map(|Consistency { state, error, .. }| {
-            format!(
-                "{state} is overconfident: its squared error divided by its variance is {:.2}",
-                error.value
-            )
+            format!("{state} is overconfident: squared error / variance {:.2}", error.value)
         }));
         let [found, seen] = self.steps;
         if (found - seen).abs() > steps {
@@ -346,7 +335,7 @@ mod tests {
         (figures.hold_m.value, figures.steps[0]) = (0.2, 1.0);
         let missed = figures.misses();
         assert_eq!(missed.len(), 2, "{missed:?}");
-        assert!(missed[0].starts_with("the hold error of 20.0 cm exceeds 5.6 cm"), "{missed:?}");
+        assert!(missed[0].starts_with("hold error of 20.0 cm exceeds 5.6 cm"), "{missed:?}");
         let options = Scene::preset(Preset::Bzzz).sim();
         let none = hold_figures(HoldModel::Scalar, &options, HoldScenario::Calm, 0, 0);
         assert!(none.unwrap_err().to_string().starts_with("runs: found 0"));
