@@ -69,7 +69,7 @@ pub fn position_error(
         n_compared += 1;
     }
     if n_compared == 0 {
-        let hint = "add the seconds between the two clocks";
+        let hint = "set the difference of the two clocks in seconds";
         return Err(Error::input("offset", reference.offset_s, "clocks that overlap", hint));
     }
     let mean_square = sum_of_squares / f64::from(n_compared);

@@ -370,7 +370,7 @@ pub(super) fn are_degrees(block: &Block) -> (bool, Option<String>) {
     if max_angle > std::f64::consts::TAU {
         (true, Some("yaw, pitch and roll go beyond a full turn of 2π".to_owned()))
     } else if max_tilt > std::f64::consts::FRAC_PI_2 {
-        let odd = "which would be upside down in radians";
+        let odd = "which in radians would be upside down";
         (true, Some(format!("pitch and roll reach {max_tilt:.2}, {odd}")))
     } else if rms_tilt > USUAL_RMS {
         let odd = "which no flight could have in radians";

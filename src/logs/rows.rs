@@ -173,7 +173,7 @@ pub(super) fn check_positions(block: &Block, file: &str) -> Result<()> {
         return Ok(());
     }
     let n = block.time_s.len();
-    let rows = format!("{n_apart} of {n} rows with the time of another row, but another position");
+    let rows = format!("{n_apart} of {n} rows share their time with a row at another position");
     let hint = "keep the rows of one drone, and check that the timestamps have all their digits";
     Err(Error::input(file, rows, "one position per time", hint))
 }

@@ -659,7 +659,7 @@ fn rows_of_several_drones_and_a_position_that_is_too_fast_are_refused() {
     assert!(refused(&owned("mode", &id, 0.04)).contains("faster than 15 m/s"));
     assert!(
         refused(&owned("mode", &id, 0.0))
-            .contains("with the time of another row, but another position")
+            .contains("share their time with a row at another position")
     );
     let one = rows("t,drone_id,x,y,z\n", |t, [x, y, z]| format!("{t:.2},7,{x},{y},{z}"));
     check("one drone", &read(one.as_bytes()));
