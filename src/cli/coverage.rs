@@ -110,7 +110,7 @@ fn along_the_word(args: &CoverageArgs, scene: Scene) -> Result<Report> {
 const BOUNDS: &str = "\
 bound     {bound_m*100:.1~-} cm over three axes, 1 σ: the least error that the ranges allow along the strokes
 wanted    an error of at most 5 % of the letters' height on each axis; a slow error may be twice as large
-excluded  biased ranges, outliers and lost messages: with them it is more
+excluded  biased ranges, outliers and lost messages: they increase the error
 
 |letters|letter<8|drone<8|bound, cm>9
 {letter}|{drone}|{bound_m*100:.1}

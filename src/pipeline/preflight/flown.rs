@@ -225,7 +225,10 @@ fn battery(flight: &Flight, scene: &Scene) -> Diagnostic {
         Some(Battery { rest_v, sag_v, least_rest_v, .. }) => {
             // The time of hovering explains an empty battery better than voltages do.
             let verdict = match hovers_s(scene) {
-                Some(hovers_s) if !lasts => format!("does not last, hovers for {hovers_s:.0} s"),
+                Some(hovers_s) if !lasts => format!(
+                    "does not last: only {hovers_s:.0} s of \
+                                                     hovering"
+                ),
                 _ => if lasts { "lasts" } else { "does not last" }.to_owned(),
             };
             let lowest_v = rest_v - sag_v;

@@ -90,7 +90,7 @@ pub(super) fn check_picture(shoot: &Shoot, picture: Option<&Picture>) -> Vec<Dia
     }
     // A camera that points elsewhere causes the other problems, which are not reported.
     if picture.is_unseen {
-        let (actual, wanted) = ("the camera shows none of the light that writes", "the whole word");
+        let (actual, wanted) = ("the camera shows no light of the word", "the whole word");
         let advice = "point the camera at the word ({camera.framing=word})";
         return vec![Diagnostic::check(PICTURE, Severity::Stop, None).say(actual, wanted, advice)];
     }
