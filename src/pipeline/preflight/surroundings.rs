@@ -277,7 +277,7 @@ mod tests {
         }
         assert_eq!(camera("[0, -4, 0.9]", "[0, 0, 0.9]").0, Severity::Fine);
         let (severity, actual) = camera("[0, -4, 0.9]", "[0, -9, 0.9]");
-        assert!(severity == Severity::Stop && actual.contains("none of the light"), "{actual}");
+        assert!(severity == Severity::Stop && actual.contains("no light of the word"), "{actual}");
         let (severity, actual) = camera("[0, 4, 0.9]", "[0, 0, 0.9]");
         assert!(severity == Severity::Stop && actual.contains("mirrored"), "{actual}");
     }
