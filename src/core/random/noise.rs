@@ -86,7 +86,8 @@ struct Wave {
 }
 
 impl<const N: usize> Field<N> {
-    /// Creates a field with the standard deviation `sigma` and the correlation length `length_m`.
+    /// Creates a field with the standard deviation `sigma`, in the unit of its values, and the
+    /// correlation length `length_m`.
     pub fn new(noise: &mut Noise, sigma: f64, length_m: f64) -> Self {
         let waves = [(); N].map(|()| {
             [(); WAVES].map(|()| Wave {
@@ -117,6 +118,7 @@ struct Heights<'a>(&'a [Wave; WAVES], &'a Vector3<f64>);
 impl NullaryFnOnce for Heights<'_> {
     type Output = [f64; WAVES];
 
+    /// Returns the height of each wave at the place, from −1 to 1.
     #[inline(always)]
     fn call(self) -> [f64; WAVES] {
         let Self(waves, place) = self;
