@@ -32,7 +32,8 @@ impl Recorder {
         }
     }
 
-    /// Adds a sample with the levels of its lights and the values of the [`COLUMNS`].
+    /// Adds a sample with the levels of its lights (0 to 1, in the order of the channels) and the
+    /// values of the [`COLUMNS`]. A column whose value is `None` remains empty.
     pub(super) fn record(
         &mut self,
         sample: FlightSample,

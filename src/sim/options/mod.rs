@@ -185,7 +185,8 @@ impl RateOptions {
         self.position_hz.min(self.attitude_hz())
     }
 
-    /// Checks that slower loops run at whole ticks of faster loops.
+    /// Checks that slower loops run at whole ticks of faster loops. Returns [`Error::Input`] with
+    /// the key of the slower one.
     fn check_ratios(&self) -> Result<()> {
         for (slow, slow_hz, fast, fast_hz) in [
             ("attitude_hz", self.attitude_hz, "control_hz", self.control_hz),
