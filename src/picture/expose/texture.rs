@@ -32,7 +32,7 @@ static TILE: LazyLock<Vec<f32>> = LazyLock::new(|| {
     tile
 });
 
-/// Converts a point of a surface in meters to a point on the tile, which repeats.
+/// Converts a point of a surface in m to a point on the tile, in nodes. The tile repeats.
 pub(super) fn on_tile(point_m: [f64; 2]) -> [f32; 2] {
     // Moves the point by whole tiles, so that no coordinate in a room is negative.
     let offset = f64::from(1 << 17);
@@ -47,7 +47,7 @@ pub(super) fn deviation(point: [f32; 2]) -> f32 {
 }
 
 /// Interpolates bilinearly between the four nodes around a point. `node` returns the value at whole
-/// coordinates.
+/// coordinates, and the result is in its unit.
 #[inline(always)]
 fn bilinear(node: impl Fn(usize, usize) -> f32, [x, y]: [f32; 2]) -> f32 {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 2^24")]

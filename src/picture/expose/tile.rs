@@ -27,7 +27,8 @@ pub(super) struct Tiles {
 }
 
 impl Tiles {
-    /// Returns dark tiles for some rows of a picture with a given width.
+    /// Returns dark tiles for some rows of a picture with a given width. Rows are `stride` counts
+    /// apart in memory.
     pub(super) fn new(rows: Range<u32>, width: usize, stride: usize) -> Self {
         let tiles = width.div_ceil(TILE_PX[0]) * rows.len().div_ceil(TILE_PX[1]);
         let counts = vec![0; stride * rows.len()];
@@ -90,7 +91,7 @@ pub(super) fn count(
     }
 }
 
-/// Adds a fraction of light, relative to [`ALL`] and rounded, to counts.
+/// Adds a fraction of light, relative to [`ALL`] and rounded, to counts pixel by pixel.
 #[inline(always)]
 fn add(counts: &mut [u32], light: &[u32], fraction: u32) {
     match fraction {

@@ -89,7 +89,8 @@ impl<const PARTS: usize> Kernel<PARTS> {
 }
 
 impl Kernel<8> {
-    /// Returns the light below which a cell fits the 32-bit arithmetic of [`Self::along_narrow`].
+    /// Returns the light in counts below which a cell fits the 32-bit arithmetic of
+    /// [`Self::along_narrow`].
     pub(super) fn narrow_limit(&self) -> u64 {
         1 << (32 - self.shift)
     }
