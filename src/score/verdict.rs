@@ -144,7 +144,8 @@ impl Verdict {
         self.second_opinion.as_deref().is_some_and(|read| !spells(read, &self.word))
     }
 
-    /// Returns the verdict on a photo that does not show the word's light.
+    /// Returns the verdict on a photo that does not show the word's light. `cap_height_px` is the
+    /// height of a capital in the photo, if the camera sees the word.
     pub(super) fn unseen(
         strokes: &Strokes,
         reason: Option<Reason>,
