@@ -376,7 +376,7 @@ fn margin_broken(scene: &Scene) -> f64 {
     (1.0 - longest_s / MOTOR_LAG_S).max(0.0)
 }
 
-/// Returns the Pareto front described at [`Tuned::front`].
+/// Returns the numbers of the candidates on the Pareto front described at [`Tuned::front`].
 fn front(candidates: &[Candidate]) -> Vec<usize> {
     let mut allowed: Vec<(f64, &Candidate)> = candidates
         .iter()

@@ -21,7 +21,8 @@ const CAP_PX: f64 = 9.0;
 /// Time step along the drawn path.
 const STEP_S: f64 = 0.05;
 
-/// Returns a square window around points in meters, whose left edge is at `left_px`.
+/// Returns a square window around points in m, whose left edge is at `left_px`. All windows have
+/// the same size in pixels.
 fn view(points: impl IntoIterator<Item = [f64; 2]>, left_px: f64) -> Window {
     let [left, bottom, right, top] = geometry::bounds(points);
     // The window spans at least 0.1 m, because a single point has no extent.
@@ -36,8 +37,8 @@ fn anchor(view: &Window, x_px: f64) -> Anchor {
     if x_px > view.corner_px.x + 0.5 * VIEW_PX { Anchor::End } else { Anchor::Start }
 }
 
-/// Returns an SVG of all drones' strokes colored by the bound, beside a top view of the anchors
-/// that marks the best position for an additional one.
+/// Returns an SVG of all drones' strokes colored by the bound, beside a top view of the anchors.
+/// The view marks `one_more_m`, the best position for an additional anchor.
 pub fn bound_map(
     plans: &[&Plan],
     bounds: &[Bound],
@@ -72,7 +73,8 @@ pub fn bound_map(
     canvas.svg()
 }
 
-/// Returns the range of the bound over lit strokes, which the colors represent.
+/// Returns the range in m of the bound over lit strokes, which the colors represent. Returns 0 to 1
+/// if nothing is lit.
 fn lit_m(bounds: &[Bound]) -> Range<f64> {
     let samples = bounds.iter().flat_map(|bound| bound.sigma_m.iter().zip(&bound.letter));
     let lit_m = range(samples.filter_map(|(sigma_m, letter)| letter.and(Some(*sigma_m))));
@@ -114,7 +116,8 @@ fn draw_strokes(
     }
 }
 
-/// Draws the anchors from above, each with its height and the number of drones that receive it.
+/// Draws the anchors from above, each with the number of drones that receive it and its height in
+/// m.
 fn draw_anchors(canvas: &mut Canvas, above: &Window, uwb: &UwbOptions, n_drones: usize) {
     let mut drawn: Vec<Point> = Vec::new();
     for (index, [x_m, y_m, z_m]) in uwb.anchors_m.iter().enumerate() {
@@ -133,7 +136,8 @@ fn draw_anchors(canvas: &mut Canvas, above: &Window, uwb: &UwbOptions, n_drones:
     }
 }
 
-/// Draws the color legend in centimeters.
+/// Draws the legend, which lists six colors with their σ in centimeters. `lit_m` is the range that
+/// the colors represent.
 fn draw_legend(canvas: &mut Canvas, lit_m: &Range<f64>) {
     let x = 3.0 * MARGIN_PX + 2.0 * VIEW_PX - 20.0;
     label(canvas, Point::new(x, MARGIN_PX), "1 \u{3c3} over 3 axes");

@@ -27,7 +27,8 @@ const VIRIDIS: [[f64; 3]; 5] = [
 const ONE_STATION: Rgb = [184; 3];
 const NO_STATION: Rgb = [90; 3];
 
-/// Returns an SVG of a coverage map, with a frame around the word if its bounds are given.
+/// Returns an SVG of a coverage map, with a frame around the word. `word_m` contains the word's
+/// bounds (left, bottom, right, top).
 pub fn coverage_map(grid: &Coverage, word_m: Option<[f64; 4]>) -> String {
     let map = Map::new(grid);
     let frame = map.window.rect_px(map.extent_m);
@@ -63,7 +64,9 @@ struct Map<'a> {
 }
 
 impl<'a> Map<'a> {
-    /// Creates the map below the title and to the right of the axis.
+    /// Creates the map below the title and to the right of the axis. The colors represent the
+    /// errors from the least to the 95 % quantile, so that a few large errors do not darken the
+    /// rest.
     fn new(grid: &'a Coverage) -> Self {
         let sorted_m = grid.errors_m();
         let color_ends_m = sorted_m.first().zip(sorted_m.get(sorted_m.len() * 95 / 100));
@@ -161,7 +164,8 @@ fn edges_m(places_m: &[f64], first: usize, last: usize) -> [f64; 2] {
         .map(|(i, j)| 0.5 * (places_m[i] + places_m[j]))
 }
 
-/// Returns the color of the viridis map at a fraction, from dark (0) to light (1).
+/// Returns the sRGB color of the viridis map at a fraction, from dark (0) to light (1). A fraction
+/// out of range is limited to it.
 pub(super) fn viridis(fraction: f64) -> Rgb {
     let place = fraction.clamp(0.0, 1.0) * 4.0;
     #[expect(clippy::cast_possible_truncation, reason = "0 to 3")]
