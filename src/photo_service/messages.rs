@@ -205,7 +205,8 @@ impl From<Key> for Message {
     }
 }
 
-/// Returns the keys in an error's place in a file, joined by dots.
+/// Returns the keys in an error's place in a file, joined by dots, such as `letters.font`. Indices
+/// and names are left out.
 fn dotted(place: &Place) -> String {
     let keys = place.0.iter().filter_map(|segment| match segment {
         Segment::Key(key) => Some(&**key),
@@ -244,8 +245,8 @@ fn key_named(name: &str) -> Option<Key> {
     Key::ALL.iter().copied().find(|key| key.name() == name)
 }
 
-/// Replaces the paths in a text by their file names. A path begins with a slash that does not
-/// follow a letter or a digit.
+/// Replaces the paths in a text by their file names, because a visitor must not see the server's
+/// folders. A path begins with a slash that does not follow a letter or a digit.
 fn without_paths(text: &str) -> String {
     let mut words = Vec::new();
     for word in text.split(' ') {
