@@ -150,21 +150,21 @@ impl Photograph {
     }
 
     /// Returns the error for needed tags that are missing or 0. `place` is the photograph's name.
-    fn incomplete(&self, needed: &[Needed], place: &str) -> Error {
+    fn incomplete(&self, needed: &[Needed; 5], place: &str) -> Error {
+        let [(_, focal_key, _), (.., sensor_width_m), ..] = needed;
         // Cameras write 0 for an unknown value, which needs a different hint than a missing tag.
         let is_zero =
             |tag| self.value(tag).is_some() && self.signed(tag).is_none_or(|value| value <= 0.0);
         let film_mm = self
             .number(Tag::FocalLengthIn35mmFilm)
-            .filter(|_| self.value(Tag::FocalLength).is_none() && needed[1].2.is_none());
+            .filter(|_| self.value(Tag::FocalLength).is_none() && sensor_width_m.is_none());
         let (mut empty, mut missing) = (Vec::new(), Vec::new());
         for (tag, key, _) in needed.iter().filter(|(.., value)| value.is_none()) {
             match (*tag, film_mm) {
                 (tag, _) if is_zero(tag) => empty.push(format!("{tag} = 0 (give {key})")),
                 (Tag::FocalLength, Some(_)) => {}
                 (tag @ Tag::FocalLengthIn35mmFilm, Some(mm)) => empty.push(format!(
-                    "{tag} = {mm} without FocalLength (give {} and {key})",
-                    needed[0].1
+                    "{tag} = {mm} without FocalLength (give {focal_key} and {key})"
                 )),
                 (tag @ Tag::FocalLengthIn35mmFilm, None) => missing.push(format!(
                     "{tag} (or FocalPlaneXResolution with PixelXDimension, or a Model that is known)"

@@ -14,8 +14,18 @@ const AXIS_PX: f64 = 540.0;
 const MARGINS_PX: [f64; 4] = [60.0, 56.0, 52.0, 190.0];
 /// Minimum width of the drawing, which the title requires.
 const TITLE_PX: f64 = 580.0;
-/// Cap height.
+/// Cap height, and that of the title.
 const CAP_PX: f64 = 9.0;
+const TITLE_CAP_PX: f64 = 11.0;
+/// Distance of the title's baseline from the upper edge.
+const TITLE_DOWN_PX: f64 = 26.0;
+/// Height of the legend with its margin below, and its distance from the map.
+const LEGEND_PX: f64 = 220.0;
+const LEGEND_GAP_PX: f64 = 24.0;
+/// Length of a tick.
+const TICK_PX: f64 = 5.0;
+/// Side of a color's square in the legend.
+const SWATCH_PX: f64 = 18.0;
 /// Five colors of the viridis map (van der Walt, Smith 2015), from small to large errors.
 const VIRIDIS: [[f64; 3]; 5] = [
     [68.0, 1.0, 84.0],
@@ -34,21 +44,21 @@ pub fn coverage_map(grid: &Coverage, word_m: Option<[f64; 4]>) -> String {
     let frame = map.window.rect_px(map.extent_m);
     let [left, above, below, beside] = MARGINS_PX;
     // The legend may be taller than the map.
-    let size_px = [(frame.x1 + beside).max(TITLE_PX), (frame.y1 + below).max(above + 220.0)];
+    let size_px = [(frame.x1 + beside).max(TITLE_PX), (frame.y1 + below).max(above + LEGEND_PX)];
     let mut canvas = Canvas::white(size_px);
     let title = format!(
         "Lighthouse coverage at y = {:.2} m: {:.1} % seen by two or more stations",
         grid.y_m,
         100.0 * grid.seen_frac()
     );
-    canvas.text(title, Point::new(left, 26.0), Anchor::Start, 11.0, BLACK);
+    canvas.text(title, Point::new(left, TITLE_DOWN_PX), Anchor::Start, TITLE_CAP_PX, BLACK);
     map.draw_cells(&mut canvas);
     if let Some([left, bottom, right, top]) = word_m {
         let pen = Pen { dashed: true, ..Pen::new([255; 3], 2.0) };
         canvas.frame(map.window.rect_px(Rect::new(left, bottom, right, top)), pen);
     }
     map.draw_axes(&mut canvas, frame);
-    map.draw_legend(&mut canvas, Point::new(frame.x1 + 24.0, above));
+    map.draw_legend(&mut canvas, Point::new(frame.x1 + LEGEND_GAP_PX, above));
     canvas.svg()
 }
 
@@ -119,13 +129,13 @@ impl<'a> Map<'a> {
         let Rect { x0, y0, x1, y1 } = self.extent_m;
         for x_m in ticks(&(x0..x1), AXIS_PX) {
             let end = Point::new(self.window.px(Point::new(x_m, 0.0)).x, bottom);
-            canvas.line([end, end + Vec2::new(0.0, 5.0)], pen);
+            canvas.line([end, end + Vec2::new(0.0, TICK_PX)], pen);
             let label = end + Vec2::new(0.0, 19.0);
             canvas.text(number(x_m), label, Anchor::Middle, CAP_PX, BLACK);
         }
         for z_m in ticks(&(y0..y1), AXIS_PX) {
             let end = Point::new(left, self.window.px(Point::new(0.0, z_m)).y);
-            canvas.line([end, end - Vec2::new(5.0, 0.0)], pen);
+            canvas.line([end, end - Vec2::new(TICK_PX, 0.0)], pen);
             canvas.text(number(z_m), end + Vec2::new(-9.0, 4.5), Anchor::End, CAP_PX, BLACK);
         }
         let [below, beside] =
@@ -144,14 +154,14 @@ impl<'a> Map<'a> {
             let fraction = f64::from(step) / 6.0;
             let error_mm = 1e3 * (least + fraction * (most - least));
             let and_more = if step == 6 { " and more" } else { "" };
-            let down_px = 22.0 + 18.0 * f64::from(step);
+            let down_px = 22.0 + SWATCH_PX * f64::from(step);
             (down_px, viridis(fraction), format!("{error_mm:.1} mm{and_more}"))
         });
         let stations = [(160.0, ONE_STATION, "one station"), (184.0, NO_STATION, "no station")];
         let stations = stations.map(|(down_px, color, text)| (down_px, color, text.to_owned()));
         for (down_px, color, text) in errors.chain(stations) {
             let swatch = corner + Vec2::new(0.0, down_px);
-            canvas.cell(Rect::from_origin_size(swatch, (18.0, 18.0)), color);
+            canvas.cell(Rect::from_origin_size(swatch, (SWATCH_PX, SWATCH_PX)), color);
             let label = swatch + Vec2::new(26.0, 14.0);
             canvas.text(text, label, Anchor::Start, CAP_PX, BLACK);
         }
