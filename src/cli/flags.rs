@@ -251,7 +251,7 @@ impl SubjectFlags {
     }
 
     /// Returns the scene as [`DesignFlags::unfitted`] does, with the seed and the word of the
-    /// flags.
+    /// flags. `is_planned` is true if the letters are those of finished plans.
     fn unfitted(&self, carried: Option<&CarriedScene>, is_planned: bool) -> Result<Scene> {
         let mut scene = self.design.unfitted(carried, is_planned, &[])?;
         scene.seed = self.seed.seed.unwrap_or(scene.seed);

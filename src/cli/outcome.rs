@@ -75,7 +75,8 @@ impl Report {
         self
     }
 
-    /// Returns the report with the result that determines the exit code.
+    /// Returns the report with the result that determines the exit code, which is that of success
+    /// if it `passed`.
     pub(super) fn passes(self, passed: bool) -> Self {
         Self { passed, ..self }
     }

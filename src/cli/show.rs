@@ -45,8 +45,8 @@ pub(super) fn verdict_sentence(verdict: &Verdict) -> String {
     sentence([&verdict.word, &verdict.read], verdict.legible, verdict.readability)
 }
 
-/// Returns a sentence with a word, what was read instead, and the verdict. `readability` is a
-/// probability.
+/// Returns a sentence with a word, what was read instead, and whether it is `legible`.
+/// `readability` is a probability.
 pub(super) fn sentence(words: [&str; 2], legible: bool, readability: f64) -> String {
     let [word, read] = words.map(in_one_line);
     let legible = if legible { "legible" } else { "NOT legible" };

@@ -3,7 +3,7 @@
 /// Luminance of the red, green and blue primaries.
 pub const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
-/// Returns the luminance of linear light.
+/// Returns the luminance of linear light, in the same unit as its channels.
 pub fn luminance([r, g, b]: [f64; 3]) -> f64 {
     LUMINANCE[0] * r + LUMINANCE[1] * g + LUMINANCE[2] * b
 }

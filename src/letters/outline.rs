@@ -167,12 +167,13 @@ fn has_ink_on_one_side([a, b]: [[f64; 2]; 2], ink: &Filled<'_>) -> bool {
     ink.holds([x - dy, y + dx]) != ink.holds([x + dy, y - dx])
 }
 
-/// Returns the length of all contours, including their closing edges.
+/// Returns the length of all contours in their unit, including their closing edges.
 fn length(contours: &[Contour]) -> f64 {
     contours.iter().flat_map(|contour| edges(contour)).map(|[a, b]| distance(a, b)).sum()
 }
 
-/// Returns the area inside a closed contour. The area is negative if the contour runs clockwise.
+/// Returns the area inside a closed contour, in its unit squared. The area is negative if the
+/// contour runs clockwise.
 pub(super) fn area(contour: &[[f64; 2]]) -> f64 {
     edges(contour).map(|[a, b]| 0.5 * cross(a, b)).sum()
 }

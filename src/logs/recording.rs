@@ -246,7 +246,8 @@ impl Channel {
         (t1 - t0 <= max_gap_s).then(|| v0 + (v1 - v0) * ((time_s - t0) / (t1 - t0)))
     }
 
-    /// Returns the last value at or before a time, or the first value before the first sample.
+    /// Returns the last value at or before a time, or the first value before the first sample, in
+    /// the channel's unit.
     pub(super) fn held(&self, time_s: f64) -> f64 {
         self.values[self.last_before(time_s).unwrap_or(0)]
     }

@@ -358,8 +358,8 @@ impl Studio<'_> {
         }
     }
 
-    /// Returns the photo of a flight of which `log` is known so far, as [`Self::follow`] does.
-    /// Refuses a log that is too short for a photo.
+    /// Returns the photo of a flight of which `log` is known so far, as [`Self::follow`] does. If
+    /// the flight `is_over`, this is the large photo. Refuses a log that is too short for a photo.
     fn flown(
         &self,
         subject: &Subject,

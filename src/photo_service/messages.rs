@@ -216,7 +216,7 @@ fn dotted(place: &Place) -> String {
 }
 
 /// Returns the key for an error. It is named like the error's code, unless a more precise key
-/// exists.
+/// exists. `is_picture` is true if the subject is a picture.
 fn key_of(error: &Error, is_picture: bool) -> Key {
     let Error::Input { place, .. } = error else {
         return match error.code() {

@@ -236,7 +236,7 @@ impl LightLines {
     }
 }
 
-/// Returns the distance from a point to the nearest segment.
+/// Returns the distance in pixels from a point to the nearest segment.
 pub(super) fn distance(point: Point, segments: &[Line]) -> f64 {
     let ends = segments.iter().map(|segment| [xy(segment.p0), xy(segment.p1)]);
     ends.map(|ends| segment_distance(xy(point), ends)).fold(f64::INFINITY, f64::min)
@@ -249,7 +249,7 @@ fn pixel_steps(segment: Line) -> impl Iterator<Item = Point> {
     (0..n_steps).map(move |step| segment.p0.lerp(segment.p1, (step as f64 + 0.5) / n_steps as f64))
 }
 
-/// Returns the angle between two segments, 0 to π.
+/// Returns the angle in rad between two segments, 0 to π.
 fn turn(a: Line, b: Line) -> f64 {
     let [a, b] = [a, b].map(|line| line.p1 - line.p0);
     libm::atan2(a.cross(b), a.dot(b)).abs()

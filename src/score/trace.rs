@@ -87,7 +87,7 @@ impl LightLines {
     }
 }
 
-/// Returns the distance between two points.
+/// Returns the distance between two points in their unit.
 pub(super) fn distance(a: Point, b: Point) -> f64 {
     geometry::distance(xy(a), xy(b))
 }

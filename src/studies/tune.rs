@@ -154,7 +154,8 @@ pub struct Candidate {
 }
 
 impl Candidate {
-    /// Returns the cost that the search minimizes.
+    /// Returns the cost that the search minimizes: the excess over limits, much enlarged, minus the
+    /// merit.
     fn cost(&self) -> f64 {
         PENALTY * self.broken - self.merit
     }

@@ -105,7 +105,7 @@ impl<const N: usize> Field<N> {
         SVector::from_fn(|component, _| self.component(component, position_m))
     }
 
-    /// Returns one component of the field at a position.
+    /// Returns one component of the field at a position, in the unit of the field's values.
     pub fn component(&self, component: usize, position_m: &Vector3<f64>) -> f64 {
         let heights = crate::dispatch(Heights(&self.waves[component], position_m));
         self.amplitude * heights.iter().sum::<f64>()

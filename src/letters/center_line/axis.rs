@@ -71,12 +71,12 @@ impl Axis {
         self.neighbors[node].len()
     }
 
-    /// Returns the length of a path along its nodes.
+    /// Returns the length in cap heights of a path along its nodes.
     pub(super) fn length(&self, path: &[usize]) -> f64 {
         path.windows(2).map(|step| self.distance(step[0], step[1])).sum()
     }
 
-    /// Returns the distance between two nodes.
+    /// Returns the distance in cap heights between two nodes.
     pub(super) fn distance(&self, a: usize, b: usize) -> f64 {
         distance(self.middles[a], self.middles[b])
     }

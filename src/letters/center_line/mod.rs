@@ -124,7 +124,8 @@ fn replace_blob(
     }
 }
 
-/// Returns the total length of the links between nodes. Each link is listed at both of its nodes.
+/// Returns the total length in cap heights of the links between nodes. Each link is listed at both
+/// of its nodes.
 fn axis_length(axis: &Axis, nodes: &[usize], links: &[Vec<usize>]) -> f64 {
     let pairs = nodes.iter().flat_map(|node| links[*node].iter().map(|other| (*node, *other)));
     pairs.map(|(a, b)| 0.5 * axis.distance(a, b)).sum()
@@ -143,7 +144,8 @@ pub(super) fn dot([x, y]: [f64; 2], length: f64) -> Vec<[f64; 2]> {
 }
 
 /// Returns the length in cap heights of the axis's longest part whose discs no line enters, or 0 if
-/// it is short. `unpruned` contains the neighbors of each node before pruning.
+/// it is short. `unpruned` contains the neighbors of each node before pruning, and `half_width` is
+/// half the width of the strokes.
 fn lost_length(
     axis: &Axis,
     unpruned: &[Vec<usize>],

@@ -99,7 +99,7 @@ impl<'a> Front<'a> {
         place.map(|x| (x / self.cell_of(level)).floor() as i64)
     }
 
-    /// Returns the side of the cells of a level.
+    /// Returns the side of the cells of a level, in user units.
     fn cell_of(&self, level: i32) -> f64 {
         self.cell * libm::exp2(f64::from(level))
     }

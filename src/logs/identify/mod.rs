@@ -295,7 +295,8 @@ fn runs<'a>(
     samples.chunk_by(|a, b| a.time_s < b.time_s && !ends_at_gap(flight, a.time_s))
 }
 
-/// Returns the sum of the motors' values, each with its sign about an axis of the body.
+/// Returns the sum of the motors' values in their unit, each with its sign about an axis of the
+/// body (0 to 2 for x to z).
 fn signed_sum(axis: usize, motors: &[f64; 4]) -> f64 {
     (0..4).map(|motor| MOTOR_SIGNS[(axis, motor)] * motors[motor]).sum()
 }

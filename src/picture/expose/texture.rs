@@ -39,7 +39,8 @@ pub(super) fn on_tile(point_m: [f64; 2]) -> [f32; 2] {
     point_m.map(|point_m| narrow((point_m / STEP_M).clamp(-offset, offset) + offset))
 }
 
-/// Returns the deviation of the albedo at a point on the tile, with bilinear interpolation.
+/// Returns the deviation of the albedo at a point of the tile, in units of its standard deviation,
+/// with bilinear interpolation. The point is in samples of the tile, which repeats.
 #[inline(always)]
 pub(super) fn deviation(point: [f32; 2]) -> f32 {
     let tile = &*TILE;

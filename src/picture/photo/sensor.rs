@@ -231,8 +231,8 @@ impl Noisy {
         }
     }
 
-    /// Returns the electrons of a bright pixel with this mean, for which all noise is one normal
-    /// number.
+    /// Returns the electrons of a pixel with the expected number `mean`, drawn by `bits`. The pixel
+    /// is bright, so that all its noise is one normal number.
     #[inline(always)]
     fn bright(&self, mean: f32, bits: u32) -> f32 {
         let variance = mean + self.read_variance + self.prnu_squared * mean * mean;

@@ -212,7 +212,7 @@ impl AltitudeFilter {
         self.readings.push(HeightReading { sensor, measured_m, innovation, taken });
     }
 
-    /// Returns the estimate of a state.
+    /// Returns the estimate of a state, in the unit that [`AltitudeState`] names.
     pub fn estimate(&self, state: AltitudeState) -> f64 {
         self.normal.mean[state as usize]
     }

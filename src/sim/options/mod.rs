@@ -131,8 +131,8 @@ impl SimOptions {
         PlantOptions { vehicle, battery, air, floor }
     }
 
-    /// Returns the maximum motor command of the firmware, or infinity with battery compensation,
-    /// which then limits the thrust.
+    /// Returns the firmware's maximum motor command (65535 is full power), or infinity with battery
+    /// compensation, which then limits the thrust.
     pub(crate) fn most_command(&self) -> f64 {
         if self.battery.is_compensated() { f64::INFINITY } else { self.vehicle.motor_max }
     }
