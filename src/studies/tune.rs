@@ -154,8 +154,8 @@ pub struct Candidate {
 }
 
 impl Candidate {
-    /// Returns the cost that the search minimizes: the excess over limits, much enlarged, minus the
-    /// merit.
+    /// Returns the cost that the search minimizes: [`PENALTY`] times the excess over limits, minus
+    /// the merit.
     fn cost(&self) -> f64 {
         PENALTY * self.broken - self.merit
     }
