@@ -113,8 +113,8 @@ impl Finder {
         (best.1, best.2)
     }
 
-    /// Returns the word at a scale and a rotation in rad, either from the cache or newly drawn, at
-    /// half the grid's resolution.
+    /// Returns the word in a pose `[scale, rotation in rad]`, either from the cache or newly drawn,
+    /// at half the grid's resolution.
     fn word_to_try(&self, pose: [f64; 2]) -> Arc<Raster> {
         let cache = self.cache.lock().unwrap_or_else(PoisonError::into_inner);
         let cached = cache.iter().find(|(cached, _)| *cached == pose).map(|(_, word)| word.clone());

@@ -59,6 +59,7 @@ impl Tiles {
             }
             let [x, y] = [tile % tiles_across * TILE_PX[0], tile / tiles_across * TILE_PX[1]];
             let size = [TILE_PX[0].min(self.width - x), TILE_PX[1].min(self.rows.len() - y)];
+            // The tile's place is given as stride and start, in the counts and in the planes.
             let light = &mut self.counts[y * self.stride..][..size[1] * self.stride];
             count(
                 light,

@@ -34,6 +34,7 @@ impl Stream {
     /// Returns the random numbers for one row of a channel and one use. Equal arguments give equal
     /// numbers.
     pub(super) fn new(seed: u64, y: usize, channel: usize, source: Source) -> Self {
+        // The use and the channel take 4 bits each, so that every index differs.
         let index = (y as u64) << 8 | (channel as u64) << 4 | source as u64;
         let key = split_mix(split_mix(seed) ^ index);
         #[expect(clippy::cast_possible_truncation, reason = "both halves are used")]

@@ -18,6 +18,12 @@ const MARGIN_PX: f64 = 56.0;
 const LEGEND_PX: f64 = 130.0;
 /// Cap height.
 const CAP_PX: f64 = 9.0;
+/// Radius of an anchor's dot, and width of a lit stroke.
+const ANCHOR_PX: f64 = 6.0;
+const STROKE_PX: f64 = 6.0;
+/// Distance of anchors below which their labels would overlap, and distance of stacked labels.
+const NEAR_PX: f64 = 80.0;
+const LINE_PX: f64 = 16.0;
 /// Time step along the drawn path.
 const STEP_S: f64 = 0.05;
 
@@ -107,7 +113,7 @@ fn draw_strokes(
         if let Some(from) = last {
             let fraction = (sigma_m - lit_m.start) / (lit_m.end - lit_m.start).max(1e-6);
             let pen = match letter {
-                Some(_) => Pen::new(viridis(fraction), 6.0),
+                Some(_) => Pen::new(viridis(fraction), STROKE_PX),
                 None => Pen::new([221; 3], 1.0),
             };
             canvas.line([from, point], pen);
@@ -125,10 +131,12 @@ fn draw_anchors(canvas: &mut Canvas, above: &Window, uwb: &UwbOptions, n_drones:
         let n_hear = uwb.heard.iter().filter(|heard| heard.contains(&index)).count();
         let is_heard_by_all = uwb.heard.is_empty() || n_hear == n_drones;
         let by = if is_heard_by_all { "all".to_owned() } else { n_hear.to_string() };
-        // Labels of anchors within 80 pixels of each other, such as those on one pole, are stacked.
-        let line = drawn.iter().filter(|other| (**other - center).hypot2() < 80.0 * 80.0).count();
-        let down_px = if line == 0 { -10.0 } else { 4.0 + 16.0 * line as f64 };
-        canvas.dot(center, 6.0, BLUE);
+        // Labels of anchors near each other, such as those on one pole, are stacked. The first is
+        // above the dot, and the others are below it.
+        let is_near = |other: &&Point| (**other - center).hypot2() < NEAR_PX * NEAR_PX;
+        let line = drawn.iter().filter(is_near).count();
+        let down_px = if line == 0 { -10.0 } else { 4.0 + LINE_PX * line as f64 };
+        canvas.dot(center, ANCHOR_PX, BLUE);
         let text = format!("{index}: z {z_m:.1} m, heard by {by}");
         let label = center + Vec2::new(0.0, down_px);
         canvas.text(text, label, anchor(above, center.x), CAP_PX, [0; 3]);
