@@ -23,7 +23,7 @@ const PLANS: Limit = Limit {
     hint: "plan with longer plan.setpoint_interval_s, or name fewer plans",
 };
 
-/// Parses a setting `KEY=VALUE`.
+/// Parses a setting `KEY=VALUE`. Returns the key and the value, or a message for other texts.
 fn setting(text: &str) -> std::result::Result<Setting, String> {
     let (key, value) = text.split_once('=').ok_or("wanted KEY=VALUE, such as camera.iso=200")?;
     Ok((key.trim().to_owned(), value.trim().to_owned()))

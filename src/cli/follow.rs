@@ -145,7 +145,7 @@ impl Letters {
         self.ends_s.iter().take_while(|(_, end_s)| *end_s <= plan_s).count()
     }
 
-    /// Returns the verdict on the photo.
+    /// Returns the verdict on the photo, as read from the camera's place.
     pub(super) fn read(&self, shot: &Shot) -> Result<Verdict> {
         self.reader.score(&shot.photo, &View::from(&shot.camera))
     }

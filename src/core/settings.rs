@@ -242,7 +242,7 @@ impl<T: Described, const N: usize> Described for [T; N] {
     }
 }
 
-/// Checks each item of a list.
+/// Checks each item of a list at the key `place`. Numbers must lie within `range`, if one is given.
 fn check_items(items: &[impl Described], place: &str, range: Option<[f64; 2]>) -> Result<()> {
     let mut items = items.iter().enumerate();
     items.try_for_each(|(i, item)| item.check("", range).map_err(|error| error.of_item(place, i)))

@@ -28,7 +28,7 @@ pub(super) struct Path {
 }
 
 impl Path {
-    /// Returns the means of a step.
+    /// Returns the means of the states of all drones at a step, in m and m/s.
     pub(super) fn states(&self, step: usize) -> &[f64] {
         &self.means[step * self.states..][..self.states]
     }

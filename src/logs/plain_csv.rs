@@ -354,12 +354,12 @@ fn undo_midnights(times_s: &mut [f64]) -> u32 {
     wraps
 }
 
-/// Returns the largest absolute value.
+/// Returns the largest absolute value, in the values' unit, or 0 without values.
 fn max_abs(values: &[f64]) -> f64 {
     values.iter().fold(0.0, |max, value| value.abs().max(max))
 }
 
-/// Returns the root mean square.
+/// Returns the root mean square, in the values' unit.
 fn rms(values: &[f64]) -> f64 {
     let n = values.len().max(1) as f64;
     (values.iter().map(|value| value * value).sum::<f64>() / n).sqrt()

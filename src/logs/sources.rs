@@ -449,7 +449,7 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Returns true if any angle changes.
+/// Returns true if any angle changes for some time. The angles of a dead source are constant.
 fn is_alive(angles: &[Channel]) -> bool {
     angles.iter().any(|angle| active_s(angle) > 0.0)
 }

@@ -35,7 +35,7 @@ extern "C" fn reserve(bytes: usize) -> *mut u8 {
     input.as_mut_ptr()
 }
 
-/// Returns the address of the answer.
+/// Returns the address of the answer, which is valid until the next request.
 #[unsafe(no_mangle)]
 extern "C" fn output() -> *const u8 {
     OUTPUT.lock().unwrap_or_else(PoisonError::into_inner).as_ptr()
@@ -78,7 +78,7 @@ extern "C" fn live() -> usize {
     answered(|_| Product::Live)
 }
 
-/// Makes the large photo.
+/// Makes the large photo. Returns the length of the answer in bytes.
 #[unsafe(no_mangle)]
 extern "C" fn photos() -> usize {
     answered(|photo| Product::Large { advice: false, files: photo.files })

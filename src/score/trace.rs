@@ -65,7 +65,7 @@ impl LightLines {
         lit.filter(|lit| points.iter().any(|point| distance(*point, *lit) < NEAR_PX)).count()
     }
 
-    /// Returns the center of a pixel.
+    /// Returns the center of the pixel `index`, in pixels from the upper left corner.
     pub(super) fn middle(&self, index: usize) -> Point {
         Point::new((index % self.width) as f64 + 0.5, (index / self.width) as f64 + 0.5)
     }

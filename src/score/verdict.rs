@@ -187,7 +187,7 @@ impl Placement {
 }
 
 impl LetterVerdict {
-    /// Returns the verdict on punctuation.
+    /// Returns the verdict on punctuation, which is never judged and counts as read.
     pub(super) fn not_judged(expected: char) -> Self {
         Self { expected, best: Some(expected), ..Self::default() }
     }

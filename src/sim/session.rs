@@ -71,12 +71,12 @@ impl Session {
         f64::from(self.tick) * self.rig.tick_s
     }
 
-    /// Returns the true position in m.
+    /// Returns the drone's true position in m in the world frame.
     pub fn position_m(&self) -> [f64; 3] {
         self.rig.plant.body().position_m.into()
     }
 
-    /// Returns the reference position in m.
+    /// Returns the position in m that the plan has at this time, in the world frame.
     pub fn reference_m(&self) -> [f64; 3] {
         self.rig.avionics.design(&self.plan, self.time_s()).position_m.into()
     }

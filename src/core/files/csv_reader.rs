@@ -224,7 +224,7 @@ impl Head {
         Self::named(titles, separator, first + 1)
     }
 
-    /// Creates a header from known titles.
+    /// Creates a header from known titles. `row` is the index of the line of the first row.
     pub fn named(titles: Vec<String>, separator: Separator, row: usize) -> Self {
         Self { n_columns: titles.len(), titles, separator, row, notes: Vec::new() }
     }
@@ -409,7 +409,7 @@ impl SheetColumn {
         }
     }
 
-    /// True if all cells are texts.
+    /// True if there are cells, and all of them are texts.
     pub fn is_text(&self) -> bool {
         self.n_texts > 0 && self.n_texts == self.values.len()
     }

@@ -60,7 +60,7 @@ impl Noise {
         radius * cos
     }
 
-    /// Draws three independent, normally distributed numbers.
+    /// Draws three independent numbers of the standard normal distribution.
     pub fn normals(&mut self) -> Vector3<f64> {
         Vector3::from_fn(|_, _| self.normal())
     }

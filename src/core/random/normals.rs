@@ -44,7 +44,7 @@ impl Normals {
         if is_second { self.block.sines[pair] } else { self.block.cosines[pair] }
     }
 
-    /// Draws three independent numbers.
+    /// Draws three independent numbers of the standard normal distribution.
     #[inline]
     pub fn next_three(&mut self) -> Vector3<f64> {
         Vector3::from_fn(|_, _| self.next())

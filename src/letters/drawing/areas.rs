@@ -85,7 +85,7 @@ impl<'a> Patch<'a> {
         Self { contours, unit_px, bounds_px, width, center, pen_px, penned, budget }
     }
 
-    /// Returns the patch's outline in pixels.
+    /// Returns the edges of the patch's ink in pixels, each a polyline.
     pub(super) fn outline(&self) -> Vec<Vec<[f64; 2]>> {
         self.in_pixels(outlines(&self.contours, self.budget))
     }

@@ -276,7 +276,8 @@ impl<'a> Page<'a> {
         }
     }
 
-    /// Returns the polylines of a path.
+    /// Returns the polylines of a path in the page's units, flattened to within [`FLATNESS`] of the
+    /// drawing's size.
     fn lines(&self, path: &BezPath) -> Vec<Vec<[f64; 2]>> {
         let tolerance = FLATNESS * self.scale.size;
         let lines = polylines(path, tolerance, MAX_POINTS).unwrap_or_default();

@@ -287,7 +287,7 @@ fn model_sigma(
     standard_deviation(&pairs.collect::<Vec<_>>()).into()
 }
 
-/// Splits samples into runs without gaps.
+/// Splits samples into runs without gaps of the log.
 fn runs<'a>(
     flight: &Flight,
     samples: &'a [FlightSample],

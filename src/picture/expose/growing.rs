@@ -90,7 +90,7 @@ fn changes(before: &Tint, now: &Tint) -> [Vec<Record>; 2] {
 }
 
 impl Tint {
-    /// Returns the records of each lamp.
+    /// Returns the records of each lamp, in the order of the lamps.
     fn by_lamp(&self) -> Vec<&[Record]> {
         let starts = [0].into_iter().chain(self.lamp_ends.iter().copied());
         starts.zip(&self.lamp_ends).map(|(start, end)| &self.records[start..*end]).collect()

@@ -161,7 +161,7 @@ impl Shot {
         Ok(findings)
     }
 
-    /// Performs all checks of the flights.
+    /// Performs all checks of the flights. Returns the errors of [`preflight_flights`].
     pub fn preflight(&self, profile: &Profile) -> Result<Preflight> {
         preflight_flights(&self.shoot, self.flights.iter().cloned().map(Ok).collect(), profile)
     }

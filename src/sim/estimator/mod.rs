@@ -67,7 +67,7 @@ pub(super) trait Estimator: std::fmt::Debug + Send {
     /// Updates the estimate with the readings at the end of a tick of `tick_s`.
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64);
 
-    /// Returns the estimated state.
+    /// Returns the estimated state, in the order and the units of [`State`].
     fn state(&self) -> State;
 
     /// Returns the covariance of the estimated position in the world frame, if there is one.

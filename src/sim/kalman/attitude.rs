@@ -32,7 +32,7 @@ impl Turned {
         [Self(midway), Self(unit(midway * half))]
     }
 
-    /// Returns the rotation matrix.
+    /// Returns the rotation matrix from the body frame to the world frame.
     #[inline(always)]
     pub fn matrix(&self) -> Matrix3<f64> {
         rotation([self.0.w, self.0.i, self.0.j, self.0.k])

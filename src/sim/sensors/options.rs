@@ -363,7 +363,7 @@ impl HeightSensor {
 }
 
 impl UwbOptions {
-    /// Returns the positions of the anchors.
+    /// Returns the positions of the anchors in m in the world frame.
     pub fn anchors(&self) -> Vec<Vector3<f64>> {
         self.anchors_m.iter().map(|anchor| Vector3::from(*anchor)).collect()
     }

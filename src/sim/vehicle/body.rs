@@ -60,7 +60,7 @@ impl RigidBody {
             .facing(libm::atan2(y, x))
     }
 
-    /// Returns the attitude as a matrix.
+    /// Returns the rotation matrix from the body frame to the world frame.
     #[inline]
     pub fn matrix(&self) -> Matrix3<f64> {
         self.world_from_body.to_rotation_matrix().into_inner()
