@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use noctograph::cli;
 
+/// Runs the command line. The exit status is that of [`cli::main`].
 fn main() -> ExitCode {
     if std::env::var_os("XDG_RUNTIME_DIR").is_none() {
         // Mesa's device-select layer is disabled, because it prints an error for each query of the

@@ -22,7 +22,7 @@ const OF_KEYS: [(&str, &str, &str); 8] = [
     ("word", "--word", "WORD"),
 ];
 
-/// Formats a change of the scene for use in a sentence, as a flag or as `key = value`.
+/// Returns a change of the scene for use in a sentence, as a flag or as `key = value`.
 pub(super) fn mentioned(change: &Change) -> String {
     match OF_KEYS.iter().find(|(key, ..)| *key == change.key) {
         Some((_, flag, takes)) => format!("{flag} {}", change.value.as_deref().unwrap_or(takes)),
@@ -30,7 +30,7 @@ pub(super) fn mentioned(change: &Change) -> String {
     }
 }
 
-/// Formats changes of the scene as command-line arguments.
+/// Returns changes of the scene as the arguments that a user would type.
 pub(super) fn typed(changes: &[Change]) -> String {
     // --size sets width and height together. Any other key is set by a separate flag or by --set.
     if let [Change { key, value: Some(width) }, height] = changes
@@ -38,6 +38,8 @@ pub(super) fn typed(changes: &[Change]) -> String {
     {
         return format!("--size {width}x{}", height.value.as_deref().unwrap_or_default());
     }
+    /// Returns one change as a flag of its own, or as `--set KEY=VALUE`, quoted for a shell if it
+    /// is a list.
     fn flag_or_setting(change: &Change) -> String {
         let (key, value) = (&*change.key, change.value.as_deref().unwrap_or_default());
         match (OF_KEYS.iter().find(|(known, ..)| *known == key), value) {
@@ -81,7 +83,8 @@ const FLAGS: [(&str, &str, &str); 19] = [
     ("times-missing", "period", "sets the seconds between the rows of a table without times"),
 ];
 
-/// Returns a sentence for each flag of the verb that may resolve the error.
+/// Returns a sentence for each flag of the verb that may resolve the error. The flags depend on the
+/// error's code and on the key that it concerns.
 pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
     // Flags are looked up by the error's code, or by the key that the error concerns.
     let (code, path) = match error {

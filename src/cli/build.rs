@@ -7,6 +7,8 @@ use std::process::Command;
 /// Number of hexadecimal digits to show of the commit.
 const DIGITS: usize = 12;
 
+/// Sets `NOCTOGRAPH_COMMIT` for the compiler to the first [`DIGITS`] digits of the commit, from the
+/// environment or from git, or to an empty text.
 fn main() {
     println!("cargo::rerun-if-env-changed=NOCTOGRAPH_COMMIT");
     // Without this check, git would report the commit of another project if a source archive was

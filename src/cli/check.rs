@@ -21,6 +21,8 @@ pub(super) struct CheckArgs {
     stand: StandFlag,
 }
 
+/// Runs the verb `check`, which flies the word or the plans in simulation and lists the findings.
+/// The report passes if no finding stops the flight.
 pub(super) fn run(args: &CheckArgs) -> Result<Report> {
     let shoot = args.subject.shoot(
         |scene| {
@@ -55,7 +57,8 @@ pub(super) fn run(args: &CheckArgs) -> Result<Report> {
     Ok(report.passes(!stops))
 }
 
-/// Returns the number of findings of a severity as text, or `None` if there are none.
+/// Returns the number of findings of a severity with a noun in the singular or plural, or `None` if
+/// there are none.
 fn counted(
     findings: &[Diagnostic],
     severity: Severity,

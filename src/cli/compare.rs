@@ -49,6 +49,8 @@ const ALIKE_M: f64 = 0.001;
 
 const FILES: [&str; 3] = ["flight-xy.svg", "flight-xz.svg", "error.svg"];
 
+/// Runs the verb `compare`, which aligns two flights and reports how far they are apart, and the
+/// most probable cause. Plots are written if an output folder is given.
 pub(super) fn run(args: &CompareArgs) -> Result<Report> {
     let folder = args.output.as_deref().map(OutputFolder::create).transpose()?;
     let options = ComparisonOptions {
@@ -68,6 +70,8 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report> {
         Some(folder) => plots(folder, args, [&a, &b], &comparison)?,
         None => Vec::new(),
     };
+    /// Returns a flight's file, digest and tracking error as JSON. The error is null for a flight
+    /// without a design.
     fn side(path: &Path, flight: &Flight, tracking: &Option<Tracking>) -> Value {
         let tracking = tracking.as_ref().map(show::tracking_json);
         let (file, sha256) = (path.display().to_string(), flight.sha256());
@@ -142,7 +146,8 @@ change    {cause.change}
 
 ";
 
-/// Reads both flights. `--clock-ratio` corrects a drone's clock, so it applies to only one.
+/// Returns both flights. `--clock-ratio` corrects the clock of a drone, and therefore applies to
+/// only one of the files. Returns [`Error::Input`] if it is unknown to which.
 fn read(args: &CompareArgs, options: &ComparisonOptions) -> Result<[Flight; 2]> {
     let position = args.position_b.unwrap_or(args.flights.position);
     let flags = [args.flights.clone(), FlightFlags { position, ..args.flights.clone() }];
@@ -196,6 +201,7 @@ fn read(args: &CompareArgs, options: &ComparisonOptions) -> Result<[Flight; 2]> 
 /// clock ratio applies.
 const CLEARLY: f64 = 1.5;
 
+/// Writes the plots of both flights, with B on A's clock and in A's frame, and returns their paths.
 fn plots(
     mut folder: OutputFolder,
     args: &CompareArgs,
@@ -222,7 +228,7 @@ fn plots(
     folder.keep()
 }
 
-/// Describes a cause of the difference in a sentence, and returns it with a suggested change.
+/// Returns a sentence that describes a cause of the difference, and a suggested change.
 fn in_words(cause: Discrepancy) -> (String, &'static str) {
     // Each sentence describes flight B relative to flight A.
     match cause {

@@ -29,6 +29,8 @@ pub(super) struct ComparePhotoArgs {
 /// Longer side, in pixels, to which larger photographs are scaled down for the comparison.
 const LONGEST_PX: u32 = 2048;
 
+/// Runs the verb `compare-photo`, which lays a render over a photograph by their letters, and
+/// reports how far the letters and the pixels differ (FLIP).
 pub(super) fn run(args: &ComparePhotoArgs) -> Result<Report> {
     let (render, photo) = (photo::read(&args.render)?, photo::read(&args.photo)?);
     let photo = shrink(photo, LONGEST_PX);
@@ -72,7 +74,8 @@ fit       corners of the letters off by {residual_px:.1} px (RMS)
 FLIP      {mean_flip:.3}, mean difference over the render
 ";
 
-/// Returns pairs of corresponding letter corners in the render and in the photo.
+/// Returns pairs of corresponding letter corners, in pixels of the render and of the photo. Each
+/// letter contributes two opposite corners of its box.
 ///
 /// # Errors
 ///

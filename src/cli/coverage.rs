@@ -49,6 +49,8 @@ pub(super) struct CoverageArgs {
     output: PathBuf,
 }
 
+/// Runs the verb `coverage`, which maps where base stations see a drone or, for ranging, reports
+/// the error bound along the word. The map is written as SVG.
 pub(super) fn run(args: &CoverageArgs) -> Result<Report> {
     let mut scene = args.scene.load(&[], &args.letters.settings(false, false))?;
     if let Some(word) = typed_word(args.word.as_ref(), args.as_word.as_ref())? {
@@ -60,6 +62,8 @@ pub(super) fn run(args: &CoverageArgs) -> Result<Report> {
     }
     let word = scene.has_strokes().then(|| scene.strokes()).transpose()?;
     let word_m = word.map(|strokes| strokes.bounds_m());
+    /// Returns the word's bounds (left, bottom, right, top) in m with a margin, but not below the
+    /// floor.
     fn around([l, b, r, t]: [f64; 4]) -> [f64; 4] {
         [l - MARGIN_M, (b - MARGIN_M).max(0.0), r + MARGIN_M, t + MARGIN_M]
     }
@@ -72,8 +76,8 @@ pub(super) fn run(args: &CoverageArgs) -> Result<Report> {
         .with_files(&[path]))
 }
 
-/// Reports the Cramér–Rao bound of the position error along the flights that write a word, and the
-/// best position for an additional anchor.
+/// Returns the report on the Cramér–Rao bound of the position error along the flights that write a
+/// word, and on the best position for an additional anchor. The map is written as SVG.
 fn along_the_word(args: &CoverageArgs, scene: Scene) -> Result<Report> {
     let output = Output::create(&args.output)?;
     let shoot = Shoot::new(scene)?;
@@ -119,7 +123,8 @@ advice    one more anchor that all drones hear helps most at ({one_more_anchor.p
 
 ";
 
-/// Returns the report on a coverage map of base stations.
+/// Returns the report on a coverage map of base stations within `bounds_m` (left, bottom, right,
+/// top).
 fn coverage_report(grid: &Coverage, n_stations: usize, bounds_m: [f64; 4]) -> Report {
     // `errors_m` contains the sorted errors at points that two stations see, if any.
     let errors_m = grid.errors_m();

@@ -84,8 +84,9 @@ pub(super) fn tried(choice: BackendChoice) -> Result<BackendChoice> {
     Ok(BackendChoice::Cpu)
 }
 
-/// Runs the test process and returns the driver's fault, if any. Neither a missing driver nor an
-/// error that the driver reports counts as a fault.
+/// Runs the test process, and returns `crashes` or `hangs` if the driver does so, [`UNTRIED`] if
+/// the process cannot be started, and `None` otherwise. A missing driver and an error that the
+/// driver reports are no faults.
 fn fault(trial: &mut Command, patience: Duration) -> Option<&'static str> {
     // The loop polls, because std cannot wait for a process with a time limit.
     let quiet = trial.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
@@ -111,7 +112,8 @@ fn ended_by_itself(code: Option<i32>) -> bool {
     matches!(code, Some(0 | 2))
 }
 
-/// Returns the user's cache folder on an operating system, from its environment variables.
+/// Returns the user's cache folder on an operating system, from its environment variables, or
+/// `None` if these are not set.
 fn cache(system: &str, variable: impl Fn(&str) -> Option<OsString>) -> Option<PathBuf> {
     if let Some(folder) = variable("XDG_CACHE_HOME") {
         return Some(folder.into());
@@ -123,17 +125,19 @@ fn cache(system: &str, variable: impl Fn(&str) -> Option<OsString>) -> Option<Pa
     }
 }
 
-/// Returns the path of the cached result for the installed drivers.
+/// Returns the path of the file that remembers the result for the installed drivers. Its name is a
+/// digest of everything that changes when drivers change.
 #[expect(clippy::disallowed_methods, reason = "a file of the kernel")]
 fn memory() -> Option<PathBuf> {
     let variable = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
     let folder = cache(std::env::consts::OS, variable)?;
-    // The name of the cache file is a digest of everything that changes when drivers change.
+    // The text to digest begins with what selects a driver: the variables and the kernel.
     let mut drivers = env!("CARGO_PKG_VERSION").to_owned();
     for name in VARIABLES {
         drivers += &format!("\n{name}={:?}", variable(name));
     }
     drivers += &std::fs::read_to_string("/proc/sys/kernel/osrelease").unwrap_or_default();
+    // It goes on with size and time of every driver list, sorted because folders have no order.
     let store = variable("SystemRoot").map(|windows| Path::new(&windows).join(DRIVER_STORE));
     for place in LISTS.into_iter().map(PathBuf::from).chain(store) {
         let entries = std::fs::read_dir(&place).into_iter().flatten().flatten();

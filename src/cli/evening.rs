@@ -15,6 +15,8 @@ use crate::studies::{Conditions, Evening, MeanDrone};
 use crate::vehicle::VehicleOptions;
 use serde_json::json;
 
+/// Imports a folder of logs, and reports the drones' parameters and the conditions of the flights.
+/// Writes a page, and a file of conditions if at least one log is valid.
 pub(super) fn run(
     folder: &Path,
     scene: &Scene,
@@ -88,7 +90,7 @@ conditions  none: {none}
 *advice advice    {}
 ";
 
-/// Returns advice on scene settings that differ from the evening's mean drone.
+/// Returns advice on scene settings in which the mean drone of the logs differs from the scene's.
 fn advice_of(mean: &MeanDrone, vehicle: &VehicleOptions) -> Vec<String> {
     let MeanDrone { k_f_n, center_of_mass_m: [x, y], .. } = *mean;
     let (percent, x_mm, y_mm) = (100.0 * (k_f_n / vehicle.k_f_n - 1.0), 1e3 * x, 1e3 * y);

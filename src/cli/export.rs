@@ -47,13 +47,15 @@ pub(super) struct ExportArgs {
     output: Option<PathBuf>,
 }
 
+/// Runs the verb `export`, which checks a flight and writes it in a drone's or show's format.
+/// Nothing is written if the check stops the flight, unless `--unchecked` is given.
 pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     // The default tolerance depends on the form of the exported trajectory.
     let trajectory = args.to.trajectory(args.mode.unwrap_or_default());
     let form = trajectory.map_or(Form::Compressed, |(form, _)| form);
-    let tolerance_mm = args.tolerance.unwrap_or(1e3 * form.tolerance_m());
-    crate::error::within("--tolerance", tolerance_mm, 0.5, 1000.0)?;
-    let tolerance_m = tolerance_mm / 1e3;
+    let tolerance_mm = args.tolerance.unwrap_or(MM_PER_M * form.tolerance_m());
+    crate::error::within("--tolerance", tolerance_mm, TOLERANCES_MM[0], TOLERANCES_MM[1])?;
+    let tolerance_m = tolerance_mm / MM_PER_M;
     let (release, mode) = (Cell::new(Release::MODELED), Cell::new(Mode::default()));
     let shoot = args.subject.shoot(
         |scene| {
@@ -92,7 +94,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     let paths = written(&files, args.output.as_deref(), word)?;
     product["bytes"] = files.iter().map(|file| file.bytes.len()).sum::<usize>().into();
     product["note"] = args.to.note().into();
-    product["deviation_mm"] = deviation_m.map(|m| 1e3 * m).into();
+    product["deviation_mm"] = deviation_m.map(|m| MM_PER_M * m).into();
     if args.to.stays_in_the_air() {
         for plan in &plans {
             let [begins_m, ends_m] = end_heights_m(plan)?;
@@ -110,7 +112,8 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     Ok(Report::with_layout(product, EXPORTED).with_files(&paths))
 }
 
-/// Writes one file, or a folder with several.
+/// Writes one file, or a folder with several, which is named after the word by default. Returns the
+/// paths.
 fn written(files: &[File], output: Option<&Path>, word: &str) -> Result<Vec<PathBuf>> {
     if let [file] = files {
         let path = output.unwrap_or(file.name.as_ref());
@@ -129,6 +132,11 @@ fn written(files: &[File], output: Option<&Path>, word: &str) -> Result<Vec<Path
     folder.keep()
 }
 
+/// Number of millimeters in a meter.
+const MM_PER_M: f64 = 1e3;
+/// Smallest and largest tolerance in mm of a trajectory that is fitted to a plan.
+const TOLERANCES_MM: [f64; 2] = [0.5, 1000.0];
+
 const REFUSED: &str = "\
 refused   {stops}
           nothing was written; `check` lists the necessary changes, and --unchecked writes the files anyway
@@ -142,6 +150,7 @@ deviation\tup to {deviation_mm:.1} mm from the design
 ";
 
 /// Refuses plans whose room is unknown, because the limits of their geofence would be a guess.
+/// Words and outdoor flights are accepted without a room.
 fn check_room(args: &ExportArgs, profile: &Profile) -> Result<()> {
     let has_walls = profile.name != Profile::outdoor().name;
     let plans = args.subject.plans()?.filter(|_| has_walls && profile.room_m.is_none());
@@ -152,7 +161,8 @@ fn check_room(args: &ExportArgs, profile: &Profile) -> Result<()> {
     Err(Error::input(plan.display(), actual, wanted, hint))
 }
 
-/// Prints the warnings about an exported flight, and returns the findings that stop it, if any.
+/// Prints the warnings about an exported flight that change how the files behave, and returns the
+/// findings that stop it, if any.
 fn warned(args: &ExportArgs, shoot: &Shoot, checks: &[Diagnostic]) -> Option<String> {
     if !shoot.designs.is_empty() {
         warn_of_trailing(shoot);
@@ -174,7 +184,7 @@ fn warned(args: &ExportArgs, shoot: &Shoot, checks: &[Diagnostic]) -> Option<Str
     findings::stops(checks)
 }
 
-/// Warns if the controller does not follow the motion of a trajectory.
+/// Warns if the controller does not follow the motion of a trajectory, but only its positions.
 pub(super) fn warn_of_trailing(shoot: &Shoot) {
     if !shoot.scene.controller.kind.follows_reference() {
         warn([

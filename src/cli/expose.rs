@@ -59,6 +59,8 @@ pub(super) struct ExposeArgs {
     format: Option<Format>,
 }
 
+/// Runs the verb `expose`, which photographs recorded flights and writes the photo, without judging
+/// it.
 pub(super) fn run(args: &ExposeArgs) -> Result<Report> {
     if args.follow {
         return follow_logs(args);
@@ -76,7 +78,8 @@ pub(super) fn run(args: &ExposeArgs) -> Result<Report> {
     Ok(args.report(shot, path))
 }
 
-/// Exposes logs while they grow, and draws only their new light.
+/// Photographs logs while they grow, and rewrites the photo with their new light until all flights
+/// have ended. Returns the report on the last photo.
 fn follow_logs(args: &ExposeArgs) -> Result<Report> {
     if !Output::create(&args.output)?.is_staged() {
         let hint = "name an output file, which is rewritten while the logs grow";
@@ -123,7 +126,7 @@ fn file_of(shot: &Shot) -> &[u8] {
 }
 
 impl ExposeArgs {
-    /// Loads the scene and applies the flags of the picture.
+    /// Returns the scene of the flights with the flags of the seed and the picture applied.
     fn scene(&self) -> Result<Scene> {
         let mut scene = self.scene.load(&self.flights, &self.seed.settings())?;
         self.picture.apply(&mut scene)?;
@@ -134,7 +137,8 @@ impl ExposeArgs {
         self.format.map_or_else(|| Format::from_path(&self.output), Ok)
     }
 
-    /// Imports the samples that the growing logs contain so far. Prints each note once.
+    /// Returns the shoot of the samples that the growing logs contain so far. `noted` contains the
+    /// notes that were already printed, so that each is printed once.
     fn shoot_logs(
         &self,
         mut scene: Scene,
@@ -153,7 +157,8 @@ impl ExposeArgs {
         Ok(Shoot { format, judging: Judging::Skipped, keeps_film: false, ..shoot })
     }
 
-    /// Prints warnings about a shot, and returns its report. `path` is the photo's file.
+    /// Prints warnings about a shot, and returns the report on its camera and files. `path` is the
+    /// photo's file.
     fn report(&self, shot: Shot, path: PathBuf) -> Report {
         warn(shot.problems.iter().map(|problem| problem.sentence(mentioned)));
         // A light trace contains its own colors and needs no word. It yields no flights.

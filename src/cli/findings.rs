@@ -4,7 +4,8 @@ use super::advice::mentioned;
 use super::printer::wrapped;
 use crate::diagnostic::Diagnostic;
 
-/// Writes the table of findings with advice.
+/// Returns the table of findings as text, with what is wanted and what to change below each
+/// finding.
 pub(super) fn table(findings: &[Diagnostic]) -> String {
     let mut text = String::new();
     let rows = findings.iter().map(|finding| finding.cells(mentioned));
@@ -19,14 +20,15 @@ pub(super) fn table(findings: &[Diagnostic]) -> String {
     text
 }
 
-/// Converts a finding to a JSON object with its numbers, sentences and advice.
+/// Returns a finding as a JSON object with its numbers, sentences and advice.
 pub(super) fn json(finding: &Diagnostic) -> serde_json::Value {
     let mut json = serde_json::json!(finding);
     json["change"] = finding.change(mentioned).into();
     json
 }
 
-/// Returns the findings that stop a flight in one line, or `None` if there are none.
+/// Returns the codes and messages of the findings that stop a flight in one line, or `None` if
+/// there are none.
 pub(super) fn stops<'a>(findings: impl IntoIterator<Item = &'a Diagnostic>) -> Option<String> {
     let stops = findings.into_iter().filter(|finding| finding.is_stop());
     let stops: Vec<String> = stops.map(|stop| format!("{} ({stop})", stop.code)).collect();

@@ -23,7 +23,7 @@ const PLANS: Limit = Limit {
     hint: "increase plan.setpoint_interval_s, or name fewer plans",
 };
 
-/// Parses a setting `KEY=VALUE`.
+/// Parses a setting `KEY=VALUE`. Returns the key and the value, or a message for other texts.
 fn setting(text: &str) -> std::result::Result<Setting, String> {
     let (key, value) = text.split_once('=').ok_or("wanted KEY=VALUE, such as camera.iso=200")?;
     Ok((key.trim().to_owned(), value.trim().to_owned()))
@@ -59,7 +59,9 @@ impl SceneFlags {
         self.load_from(self.carried(files)?.as_ref(), more, &[])
     }
 
-    /// Loads a scene like [`load`](Self::load), for a verb that uses more keys than a flight.
+    /// Loads a scene like [`load`](Self::load). `carried` is the scene of the files, `more`
+    /// contains settings from other flags, and `used` names keys that the verb uses although a
+    /// flight does not.
     pub(super) fn load_from(
         &self,
         carried: Option<&CarriedScene>,
@@ -102,8 +104,8 @@ impl SceneFlags {
         self.set.set.iter().any(|(typed, _)| typed == key)
     }
 
-    /// Returns the named scene, or else the scene in a text. `check` may refuse the text's scene
-    /// before any file that it names is opened.
+    /// Returns the scene that `--scene` names, or else the scene in the text `toml` of a file in a
+    /// folder. `check` may refuse the text's scene before any file that it names is opened.
     pub(super) fn load_or(
         &self,
         toml: &str,
@@ -140,7 +142,7 @@ pub(super) fn find_scene(named: &str, settings: &[Setting]) -> Result<NamedScene
     Scene::find(named, &borrowed(settings))
 }
 
-/// Borrows settings in the form that [`Scene`] accepts.
+/// Returns pairs of a key and its value in the form that [`Scene`] accepts.
 fn borrowed(settings: &[Setting]) -> Vec<(&str, &str)> {
     settings.iter().map(|(key, value)| (key.as_str(), value.as_str())).collect()
 }
@@ -176,14 +178,16 @@ pub(super) struct DesignFlags {
 }
 
 impl DesignFlags {
-    /// Returns the scene with the settings of these and of other flags, see [`SceneFlags::load`].
+    /// Returns the scene of files, or the named one, with the settings of these and of other flags
+    /// (`more`), and with the word fitted to the room.
     pub(super) fn load(&self, files: &[PathBuf], more: &[Setting]) -> Result<Scene> {
         let mut scene = self.unfitted(self.scene.carried(files)?.as_ref(), false, more)?;
         self.fit(&mut scene)?;
         Ok(scene)
     }
 
-    /// Fits the word to the view of a camera inside the room, unless the user typed its size.
+    /// Fits the word to the view of a camera inside the room that was typed, unless its size was
+    /// typed, too.
     fn fit(&self, scene: &mut Scene) -> Result<()> {
         let is_typed = ["letters.cap_height_m", "letters.canvas_m"].map(|key| self.scene.sets(key));
         match self.letters.room.filter(|_| is_typed == [false; 2]) {
@@ -238,7 +242,7 @@ pub(super) struct SubjectFlags {
 }
 
 impl SubjectFlags {
-    /// Returns the scene of flights and logs, or of a word.
+    /// Returns the scene of flights and logs, or of a word, with the word fitted to the room.
     pub(super) fn scene_of(&self, flights: &[PathBuf]) -> Result<Scene> {
         let carried = self.design.scene.carried(flights)?;
         let mut scene = self.unfitted(carried.as_ref(), false)?;
@@ -246,6 +250,8 @@ impl SubjectFlags {
         Ok(scene)
     }
 
+    /// Returns the scene as [`DesignFlags::unfitted`] does, with the seed and the word of the
+    /// flags. `is_planned` is true if the letters are those of finished plans.
     fn unfitted(&self, carried: Option<&CarriedScene>, is_planned: bool) -> Result<Scene> {
         let mut scene = self.design.unfitted(carried, is_planned, &[])?;
         scene.seed = self.seed.seed.unwrap_or(scene.seed);
@@ -288,7 +294,7 @@ impl SubjectFlags {
         Ok(scene)
     }
 
-    /// Returns the plans that were named, or `None` if a word was typed.
+    /// Returns the paths of the plans that were named, or `None` if a word was typed.
     pub(super) fn plans(&self) -> Result<Option<Vec<PathBuf>>> {
         let plans = self.inputs.iter().map(|input| plans_in(input)).collect::<Result<Vec<_>>>()?;
         let plans = plans.concat();
@@ -348,7 +354,7 @@ pub(super) fn read_plans(paths: &[PathBuf], carried: Option<&CarriedScene>) -> R
     Ok(plans)
 }
 
-/// Warns if the scene contains no digest to prove that it belongs to the file beside it.
+/// Warns if the scene contains no digest that proves that it belongs to the file beside it.
 fn warn_of_unbound(carried: &CarriedScene) {
     if !carried.is_bound {
         warn([format!(
@@ -390,7 +396,7 @@ impl ProfileFlags {
         profile.expect("the parser knows the names")
     }
 
-    /// Returns the profile with its volume limited to the scene's room.
+    /// Returns the profile that the flag names, with its volume limited to the scene's room.
     pub(super) fn profile(&self, scene: &Scene) -> Profile {
         let profile = self.named();
         match scene.expose.room_m {
@@ -439,7 +445,9 @@ fn warn_of_smaller_letters(shoot: &Shoot) {
     };
     let (asked_m, canvas_m) = (shoot.scene.letters.cap_height_m, shoot.scene.letters.canvas_m);
     let written_m = strokes.glyphs.first().map_or(asked_m, |glyph| glyph.cell.cap_height_m);
-    if let Some([width_m, height_m]) = canvas_m.filter(|_| written_m < 0.999 * asked_m) {
+    // A smaller difference is due to rounding.
+    const CLEARLY: f64 = 0.999;
+    if let Some([width_m, height_m]) = canvas_m.filter(|_| written_m < CLEARLY * asked_m) {
         warn([format!(
             "letters of {asked_m} m do not fit into letters.canvas_m of {width_m} x {height_m} \
              m, so they are {written_m:.2} m high"
@@ -484,7 +492,8 @@ pub(super) fn typed_word<'a>(
     Ok(flag.or(argument).map(String::as_str))
 }
 
-/// Refuses a word that is the name of a verb's output folder.
+/// Refuses a word that is the name of a folder with the files of a verb, because the user may have
+/// meant these.
 fn check_folder(word: &str) -> Result<()> {
     let files = if Path::new(word).is_dir() { files_in(word.as_ref())? } else { Vec::new() };
     let ours =
@@ -496,7 +505,7 @@ fn check_folder(word: &str) -> Result<()> {
     }
 }
 
-/// Returns the error for a file or folder name that was typed as a word.
+/// Returns the error for a file or folder name that was typed as a word. `actual` describes it.
 fn no_word(word: &str, actual: String) -> Error {
     let hint = format!("`--word {}` writes this word", shell_word(word.as_ref()));
     let wanted = "a word, or a file *.csv where a plan may be named";

@@ -63,7 +63,8 @@ pub(super) struct FlightFlags {
     pub(super) max_speed: f64,
 }
 
-/// Parses a clock ratio, which is a number or a fraction such as `84/85`.
+/// Parses a clock ratio, which is a number or a fraction such as `84/85`. Returns a message for
+/// other texts.
 fn ratio(text: &str) -> std::result::Result<f64, String> {
     let number = |text: &str| text.trim().parse::<f64>().ok();
     let ratio = match text.split_once('/') {
@@ -74,7 +75,7 @@ fn ratio(text: &str) -> std::result::Result<f64, String> {
 }
 
 impl FlightFlags {
-    /// Returns the options of an import, with the scene's firmware if the log names none.
+    /// Returns the options of an import, with the scene's firmware for logs that name none.
     pub(super) fn options(&self, scene: Option<&Scene>) -> ImportOptions {
         ImportOptions {
             firmware: scene.map(|scene| scene.vehicle.firmware),
@@ -96,7 +97,8 @@ impl FlightFlags {
         Ok(self.read_log(path, scene)?.flight)
     }
 
-    /// Reads a flight or a log like [`read`](Self::read), and returns all results.
+    /// Reads a flight or a log like [`read`](Self::read), and prints its warnings. Returns it with
+    /// its clock and firmware.
     pub(super) fn read_log(&self, path: &Path, scene: Option<&Scene>) -> Result<OnClock> {
         let log = logs::import_on_clock(path, &self.options(scene))?;
         warn_of(path, &log.flight.warnings);

@@ -31,7 +31,8 @@ struct Letter {
     lit_s: f64,
 }
 
-/// Prepares the photo of a log with the scene of the previewed one.
+/// Prepares the photo of a log with the scene of the previewed one (`promised`), which must have a
+/// single drone.
 pub(super) fn prepared(promised: &Shoot, log: &Path) -> Result<Shoot> {
     if promised.plans.len() != 1 {
         let actual = format!("{} drones", promised.plans.len());
@@ -43,7 +44,8 @@ pub(super) fn prepared(promised: &Shoot, log: &Path) -> Result<Shoot> {
     Ok(Shoot { judging: Judging::Scored, keeps_film: false, ..product })
 }
 
-/// Compares both photos, and returns the report and the notes for the page.
+/// Compares the photo of a flight with the previewed photo, letter by letter. Returns the report
+/// and the notes for the page.
 pub(super) fn compare(promised: &Shot, flown: Shot) -> (Report, FlownNotes) {
     let [of_promised, of_flown] = [promised, &flown].map(|shot| letters(shot, promised));
     let expected = promised.verdict.iter().flat_map(|verdict| &verdict.letters);
@@ -58,8 +60,8 @@ pub(super) fn compare(promised: &Shot, flown: Shot) -> (Report, FlownNotes) {
             [&a, &b].map(|letter| letter.best.unwrap_or('-').to_string()).join(ARROW),
             cell(|l| l.p, 2),
             cell(|l| l.lag_s, 2),
-            cell(|l| Some(1e3 * l.contour_m?), 0),
-            cell(|l| Some(1e3 * l.drift_m?), 0),
+            cell(|l| Some(MM_PER_M * l.contour_m?), 0),
+            cell(|l| Some(MM_PER_M * l.drift_m?), 0),
             cell(|l| Some(l.lit_s), 1),
         ]);
         pairs.push(json!({ "letter": letter.expected, "promised": a, "flown": b }));
@@ -84,11 +86,13 @@ pub(super) fn compare(promised: &Shot, flown: Shot) -> (Report, FlownNotes) {
     (report, FlownNotes { shot: flown, rows })
 }
 
+/// Number of millimeters in a meter.
+const MM_PER_M: f64 = 1e3;
 /// Arrow from the previewed value to the flown one.
 const ARROW: &str = " → ";
 const HEAD: &str = "letter<8|reads as<10|P<13|lag/s<15|off path/mm<11|off plane/mm<11|lit/s<0";
 
-/// Formats a value without negative zero, or as `-` if it is unknown.
+/// Returns a value as text with a number of digits, without negative zero, or `-` if it is unknown.
 fn rounded(value: Option<f64>, digits: usize) -> String {
     let Some(value) = value else { return "-".to_owned() };
     let text = format!("{value:.digits$}");
@@ -96,7 +100,8 @@ fn rounded(value: Option<f64>, digits: usize) -> String {
     if is_zero { text.trim_start_matches('-').to_owned() } else { text }
 }
 
-/// Returns the letters of a photo whose flight followed the plan of the previewed one.
+/// Returns the letters of a photo with their reading and tracking errors. The flight followed the
+/// plan of the previewed photo (`promised`), from which its letters are known.
 fn letters(shot: &Shot, promised: &Shot) -> Vec<Letter> {
     let Some(verdict) = &shot.verdict else { return Vec::new() };
     let mut flight = shot.flights[0].clone();
@@ -117,7 +122,7 @@ fn letters(shot: &Shot, promised: &Shot) -> Vec<Letter> {
     letters.collect()
 }
 
-/// Returns the time for which a letter's light is on.
+/// Returns the time in s for which the light of a letter, counted from 0, is on.
 fn lit_s(flight: &Flight, letter: usize) -> f64 {
     let pairs = flight.samples.windows(2).enumerate();
     let lit = pairs.filter(|(row, pair)| {

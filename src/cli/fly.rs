@@ -39,6 +39,8 @@ pub(super) struct FlyArgs {
     output: Option<PathBuf>,
 }
 
+/// Runs the verb `fly`, which simulates plans or the setpoints of logs, and writes the flights. The
+/// JSON contains an object for a single flight, and a list for several.
 pub(super) fn run(args: &FlyArgs) -> Result<Report> {
     let files = [&args.plans[..], &args.setpoints].concat();
     // The scene of the plans is used unless `--scene` names another one.
@@ -64,7 +66,7 @@ pub(super) fn run(args: &FlyArgs) -> Result<Report> {
     flights.iter().for_each(|flight| warn(&flight.warnings));
     let scene = Some(&shoot.scene);
     let files = outputs.keep(&flights, scene, |flight, mut out| flight.write_csv(&mut out))?;
-    // The JSON contains an object for a single flight, and a list for several.
+
     let reports = flights.iter().map(|flight| show::flight_report(flight, &flight.sha256(), None));
     let reports: Vec<Report> = reports.collect();
     let json = match reports.as_slice() {
@@ -75,7 +77,7 @@ pub(super) fn run(args: &FlyArgs) -> Result<Report> {
     Ok(Report::new(text, json).with_files(&files))
 }
 
-/// Converts a log's setpoints to a plan, and warns if some of them were interpolated.
+/// Returns the plan that a log's setpoints follow, and warns if some of them were interpolated.
 fn sent(log: &Flight) -> Result<Plan> {
     let Replay { plan, n_restored } = replay(log)?;
     if n_restored > 0 {

@@ -31,7 +31,7 @@ const PERIODS_OF_WORK: u32 = 4;
 /// delays the commands of the lamps.
 const AFTER_LETTER_S: f64 = 0.3;
 
-/// Waits until scripts have created their logs, and opens these logs.
+/// Waits until scripts have created their logs and written the heads, and returns the logs.
 pub(super) fn begun(paths: &[PathBuf]) -> Result<Vec<GrowingLog>> {
     let mut logs = Vec::new();
     for path in paths {
@@ -92,7 +92,8 @@ pub(super) struct Letters {
 }
 
 impl Letters {
-    /// Reads a plan, which must write the scene's word.
+    /// Reads a plan, which must write the scene's word, for the single log that is followed.
+    /// Returns [`Error::Input`] for several logs or another word.
     pub(super) fn new(path: &Path, scene: &Scene, n_logs: usize) -> Result<Self> {
         if n_logs > 1 {
             let hint = "omit the plan, or follow the log of a single drone";
@@ -113,7 +114,8 @@ impl Letters {
         Ok(Self { reader, plan, ends_s, n_told: 0 })
     }
 
-    /// Reads the photo and prints the reading, if letters were completed since the last call.
+    /// Reads the photo and prints the reading, if letters were completed since the last call. Each
+    /// letter that was completed has a message.
     pub(super) fn tell(&mut self, shot: &Shot) -> Result<()> {
         let n_complete = self.n_complete(&shot.flights[0]);
         if n_complete <= self.n_told {
@@ -134,7 +136,8 @@ impl Letters {
         Ok(())
     }
 
-    /// Returns the number of letters that are complete.
+    /// Returns the number of letters whose last setpoint is at least [`AFTER_LETTER_S`] ago in a
+    /// flight.
     fn n_complete(&self, flight: &Flight) -> usize {
         let Some(on_plan_s) = on_plan_s(flight, &self.plan) else { return 0 };
         let last_s = flight.samples.last().map_or(0.0, |sample| sample.time_s);
@@ -142,7 +145,7 @@ impl Letters {
         self.ends_s.iter().take_while(|(_, end_s)| *end_s <= plan_s).count()
     }
 
-    /// Returns the verdict on the photo.
+    /// Returns the verdict on the photo, as read from the camera's place.
     pub(super) fn read(&self, shot: &Shot) -> Result<Verdict> {
         self.reader.score(&shot.photo, &View::from(&shot.camera))
     }

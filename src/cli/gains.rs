@@ -25,6 +25,8 @@ pub(super) struct GainsArgs {
     bryson: bool,
 }
 
+/// Runs the verb `gains`, which designs the regulator and the observer of a scene, and reports the
+/// poles and margins of its loop without and with a motor lag.
 pub(super) fn run(args: &GainsArgs) -> Result<Report> {
     let scene = args.scene.load(&[], &[])?;
     let vehicle_s = 0.5 * (scene.vehicle.motor_rise_s + scene.vehicle.motor_fall_s);
@@ -113,8 +115,8 @@ bryson    {rule}
 /// gain, and the unit of the proportional gain.
 type LoopGains = Vec<(&'static str, [f64; 3], &'static str)>;
 
-/// Returns the gains of the scene's cascade or geometric controller, or an empty list for any other
-/// controller.
+/// Returns the name, the gains P, I, D and the unit of each loop of the scene's cascade or
+/// geometric controller, or an empty list for any other controller.
 fn gains(sim: &SimOptions) -> LoopGains {
     match sim.controller.kind.law() {
         Law::Cascade => {
@@ -149,8 +151,9 @@ fn gains(sim: &SimOptions) -> LoopGains {
     }
 }
 
-/// Formats one row per state, with six decimals, or three for large numbers, and a dash for zero.
+/// Returns one row per state, with six decimals, or three for large numbers, and a dash for zero.
 fn matrix(m: &DMatrix<f64>, rows: &[&str]) -> Vec<Value> {
+    // Smaller entries are rounding errors.
     let tiny = m.column_iter().map(|column| 1e-9 * column.amax()).collect::<Vec<_>>();
     let rows = rows.iter().zip(m.row_iter()).map(|(name, row)| {
         let cells = row.iter().zip(&tiny).map(|(entry, tiny)| match entry.abs() {
@@ -163,7 +166,7 @@ fn matrix(m: &DMatrix<f64>, rows: &[&str]) -> Vec<Value> {
     rows.collect()
 }
 
-/// Formats poles as text, with one entry per conjugate pair.
+/// Returns poles in 1/s as text, with one entry per conjugate pair.
 fn poles(poles: Option<&Vec<Complex<f64>>>) -> String {
     let Some(poles) = poles else { return "not found: the iteration did not converge".to_owned() };
     let upper = poles.iter().filter(|pole| pole.im >= 0.0);
@@ -176,8 +179,9 @@ fn poles(poles: Option<&Vec<Complex<f64>>>) -> String {
     words.collect::<Vec<_>>().join("  ")
 }
 
-/// Formats the stability margins of each input as text.
+/// Returns the stability margins of each input as text, or `None` for an unstable loop.
 fn margins(margins: Option<&[Margins; 4]>) -> Option<Vec<String>> {
+    /// Returns the gain margins in dB and the phase margin in degrees of one input as text.
     fn in_words(margins: &Margins) -> String {
         let [down, up] = [margins.gain_down, margins.gain_up]
             .map(|gain| gain.map(|gain| format!("{:+.1}", decibels(gain))));
@@ -191,11 +195,12 @@ fn margins(margins: Option<&[Margins; 4]>) -> Option<Vec<String>> {
     margins.map(|margins| margins.iter().map(in_words).collect())
 }
 
+/// Returns a gain factor in dB.
 fn decibels(factor: f64) -> f64 {
     20.0 * libm::log10(factor)
 }
 
-/// Converts a design to JSON, with named inputs and with gain margins in decibels.
+/// Returns a design as JSON, with named inputs and with gain margins in decibels.
 fn with_names(design: &Design) -> Value {
     let mut json = json!(design);
     for margins in ["margins", "lagging_margins"] {

@@ -37,8 +37,9 @@ enum Kind {
     },
 }
 
+/// Runs the verb `generate`, which writes completions of a shell or manual pages. Its hidden kind
+/// `device` tries the graphics device, for `device.rs`.
 pub(super) fn run(args: &GenerateArgs) -> Result<Report> {
-    // `device` is a hidden subcommand that `device.rs` runs in a separate process.
     let mut command = super::command();
     match &args.kind {
         Kind::Completions { shell, output } => {
@@ -57,6 +58,7 @@ pub(super) fn run(args: &GenerateArgs) -> Result<Report> {
         }
         Kind::Man { output } => {
             let mut folder = OutputFolder::create(output)?;
+            // Pages of `help` would repeat the pages of the verbs.
             let mut command = command.disable_help_subcommand(true);
             command.build();
             let verbs = || command.get_subcommands();

@@ -42,6 +42,8 @@ pub(super) struct HoldArgs {
     output: PathBuf,
 }
 
+/// Runs the verb `hold`, which simulates altitude hold in scenarios, and reports the errors and the
+/// consistency of the filter. The report passes if no bound is missed.
 pub(super) fn run(args: &HoldArgs) -> Result<Report> {
     let scenarios = scenarios(&args.scenario)?;
     let preset = format!("preset = \"{}\"", args.preset);
@@ -98,17 +100,17 @@ mean squared error over variance of each state: 1 where the covariance holds, co
 ";
 
 /// Returns the report's texts, which are the rows of states, the missed bounds, and the
-/// inconsistent states.
+/// inconsistent states. Each scenario has two rows: the mean squared errors divided by the
+/// variances, and their 95 % intervals.
 fn words(figures: &[HoldFigures]) -> Value {
     let (mut states, mut missed, mut inconsistent) = (Vec::new(), Vec::new(), Vec::new());
     for f in figures {
-        // For each scenario, one row gives the mean squared errors divided by the variances, and
-        // the next row gives their 95 % intervals.
         let name = format!("{}, {}", f.scenario, f.model);
         missed.extend(f.missed.iter().map(|missed| format!("{name}: {missed}")));
         let errors: Vec<String> =
             f.states.iter().map(|state| format!("{:.2}", state.error.value)).collect();
         states.push(json!({ "scenario": f.scenario, "model": f.model, "cells": errors }));
+        // One run has no interval. Long intervals are shown in whole numbers.
         let intervals = f.states.iter().map(|state| {
             if f.runs < 2 {
                 return "-".to_owned();
@@ -129,6 +131,7 @@ fn words(figures: &[HoldFigures]) -> Value {
     })
 }
 
+/// Returns the scenarios that were typed by name, in their own order. `all` stands for all of them.
 fn scenarios(typed: &[String]) -> Result<Vec<HoldScenario>> {
     let named = typed.iter().filter(|name| *name != "all").map(|name| name.parse());
     let named: Vec<HoldScenario> = named.collect::<Result<_>>()?;

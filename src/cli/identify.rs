@@ -30,6 +30,9 @@ pub(super) struct IdentifyArgs {
     pendulum_pivot: Option<f64>,
 }
 
+/// Runs the verb `identify`, which estimates a drone's parameters and the weights of its observer
+/// from a log, and its moment of inertia from a pendulum test. Either may be given without the
+/// other.
 pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
     let scene = args.scene.load(args.log.as_slice(), &[])?;
     let vehicle = &scene.vehicle;
@@ -96,7 +99,7 @@ inertia       {inertia_kg_m2:.4e} kg m2
 {states.#}|{:.4}|{weights.#:.1~not observable}
 ";
 
-/// Replaces "flight" as the location of an error by the name of the log file.
+/// Returns the error with the name of the log file as its place. Other errors are unchanged.
 fn named(error: Error, log: Option<&Path>) -> Error {
     match (error, log) {
         (Error::Input { found, wanted, hint, .. }, Some(log)) => {

@@ -41,6 +41,7 @@ pub(super) struct ImportArgs {
     output: Option<PathBuf>,
 }
 
+/// Runs the verb `import`, which converts a log to a flight file, or reports on a folder of logs.
 pub(super) fn run(args: &ImportArgs) -> Result<Report> {
     if args.log.is_dir() && !is_one_log(&args.log)? {
         if let Some(word) = &args.word {

@@ -55,7 +55,8 @@ pub(super) struct LetterFlags {
 /// twice as many steps.
 const LEVELS: ColorLedLevels = ColorLedLevels::Plain;
 
-/// Parses a CSS color, and returns the command bytes with which the color LED deck shows it.
+/// Parses a CSS color. Returns the bytes white, red, green and blue with which the color LED deck
+/// shows it, or a message. The transparency of a color is ignored.
 fn color(text: &str) -> Result<[u8; 4], String> {
     let wanted = "wanted #rrggbb or a CSS color, such as red, orange or hotpink";
     let color: svgtypes::Color =
@@ -67,7 +68,9 @@ fn color(text: &str) -> Result<[u8; 4], String> {
 }
 
 impl LetterFlags {
-    /// Returns the scene settings that were typed. The letters of finished plans keep their size.
+    /// Returns the scene settings that were typed, as keys and values. If the letters are those of
+    /// finished plans (`is_planned`), or if their height was typed (`is_height_typed`), they keep
+    /// their size.
     #[expect(clippy::fn_params_excessive_bools, reason = "independent of each other")]
     pub(super) fn settings(&self, is_planned: bool, is_height_typed: bool) -> Vec<Setting> {
         // If a drawing is set, it replaces the word, and the digest of an earlier drawing is

@@ -41,6 +41,8 @@ const TO_ANCHOR: &str = "ranging.distance";
 const TO_DRONE: &str = "ranging.drone";
 /// Scene keys that this verb uses even if they have no effect in a flight without ranging.
 const USED: [&str; 2] = ["observer.ekf.two_way_sigma_m", "sensors.uwb.anchors_m"];
+/// Smallest and largest density of the acceleration in m/s²/√Hz.
+const ACCELERATIONS: [f64; 2] = [1e-3, 1e3];
 const VIEWS: [&str; 2] = ["flight-xy.svg", "flight-xz.svg"];
 
 /// Method that computes positions from ranges.
@@ -98,6 +100,8 @@ pub(super) struct LocateArgs {
     output: PathBuf,
 }
 
+/// Runs the verb `locate`, which computes the positions of drones from their ranges, compares them
+/// with references, and writes them as flights.
 pub(super) fn run(args: &LocateArgs) -> Result<Report> {
     let mut scene = args.scene.load_from(None, &[], &USED)?;
     if let Some(path) = &args.anchors {
@@ -110,7 +114,8 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
     }
     one_for_each("reference", args.reference.len(), "log", args.ranges.len())?;
     one_for_each("offset", args.offset.len(), "reference", args.reference.len())?;
-    crate::error::within("acceleration", args.acceleration, 1e-3, 1e3)?;
+    let [least, most] = ACCELERATIONS;
+    crate::error::within("acceleration", args.acceleration, least, most)?;
     let folder = OutputFolder::create(&args.output)?;
     // The positions are computed jointly from the ranges in all logs.
     let anchors_m = scene.sensors.uwb.anchors();
@@ -198,14 +203,15 @@ struct Dated<'a> {
 }
 
 impl Dated<'_> {
-    /// Returns the log's first and last timestamp, in s.
+    /// Returns the log's first and last timestamp in s on the drone's clock, or `None` if it has
+    /// none.
     fn timestamps_s(&self) -> Option<[f64; 2]> {
         let zero_s = self.zero_stamp_s?;
         let (first, last) = self.flight.samples.first().zip(self.flight.samples.last())?;
         Some([zero_s + first.time_s, zero_s + last.time_s])
     }
 
-    /// Returns the time from another file's time zero to that of this file, in s, or `None` if
+    /// Returns the time in s from another file's time zero to that of this file. Returns `None` if
     /// their timestamps do not overlap, because the two files then use different clocks.
     fn after_s(&self, other: &Self) -> Option<f64> {
         let ([from_s, to_s], [other_from_s, other_to_s]) =
@@ -215,7 +221,8 @@ impl Dated<'_> {
     }
 }
 
-/// Reads the logs and their ranges, and aligns them on one clock.
+/// Returns the logs and all of their ranges on one clock. Returns [`Error::Input`] for logs with
+/// different clocks or too many ranges.
 fn aligned_logs<'a>(
     args: &'a LocateArgs,
     scene: &Scene,
@@ -257,7 +264,8 @@ fn align_logs(logs: &mut [Dated<'_>], samples: &mut [Vec<RangeSample>]) -> Resul
     Ok(())
 }
 
-/// Aligns the references, one for each log, on the clock of the logs.
+/// Aligns the references, one for each log, on the clock of the logs. `typed_s` contains the
+/// offsets that were typed, one for each reference, or none.
 fn align_references(
     references: &mut [Dated<'_>],
     logs: &[Dated<'_>],
@@ -275,7 +283,7 @@ fn align_references(
     Ok(())
 }
 
-/// Refuses a flag that is given for only some of the files.
+/// Refuses a flag that is given `n` times for `n_files` files, unless it is missing.
 fn one_for_each(flag: &str, n: usize, file: &str, n_files: usize) -> Result<()> {
     if n == 0 || n == n_files {
         return Ok(());
@@ -288,10 +296,11 @@ fn one_for_each(flag: &str, n: usize, file: &str, n_files: usize) -> Result<()> 
     ))
 }
 
+/// Returns a log or a reference with its clock, and prints its warnings, except those about missing
+/// columns.
 fn read<'a>(args: &LocateArgs, scene: &Scene, path: &'a PathBuf) -> Result<Dated<'a>> {
     let mut dated = logs::import_on_clock(path, &args.flights.options(Some(scene)))?;
-    // Warnings about missing columns are dropped, because a log needs only ranges here, and a
-    // reference only positions.
+    // A log needs only ranges here, and a reference only positions.
     let is_wanted = |warning: &Diagnostic| warning.code != UNLOGGED;
     dated.flight.edit(|flight| flight.warnings.retain(is_wanted));
     warn_of(path, &dated.flight.warnings);
@@ -299,12 +308,13 @@ fn read<'a>(args: &LocateArgs, scene: &Scene, path: &'a PathBuf) -> Result<Dated
     Ok(Dated { path, flight, zero_stamp_s, offset_s: 0.0 })
 }
 
+/// Writes a flight file for each drone, and plots of the flights beside their references. Returns
+/// the paths.
 fn write(
     mut folder: OutputFolder,
     located: &Located,
     references: &[Reference<'_>],
 ) -> Result<Vec<PathBuf>> {
-    // A flight file is written for each drone, and the plots show the flight beside its reference.
     let mut traces = Vec::new();
     for drone in 0..located.position_m.len() {
         let flight = flight(located, drone)?;
@@ -323,7 +333,8 @@ fn write(
     folder.keep()
 }
 
-/// Computes the drones' positions with the selected observer.
+/// Returns the drones' positions, computed with the selected observer. Returns [`Error::Input`] for
+/// logs without the quantities that it needs.
 fn by_observer(
     args: &LocateArgs,
     anchors_m: &[Vector3<f64>],
@@ -351,7 +362,7 @@ fn by_observer(
     }
 }
 
-/// Returns the first position in a log, at which the observer starts.
+/// Returns the first position in m in a log, at which the observer starts.
 fn start_m(flight: &Flight) -> Result<Vector3<f64>> {
     let first = flight.samples.first().filter(|_| flight.has(Quantity::Position));
     first.map(|sample| sample.position_m).ok_or_else(|| {
@@ -361,7 +372,7 @@ fn start_m(flight: &Flight) -> Result<Vector3<f64>> {
     })
 }
 
-/// Returns the velocities in a log, in the world frame.
+/// Returns the motion in a log, from its velocities in the world frame, on the common clock.
 fn track(log: &Dated<'_>) -> Result<Track> {
     if !log.flight.has(Quantity::Velocity) {
         let hint = "also log stateEstimate.vx, vy and vz, or use --observer smooth";
@@ -371,7 +382,8 @@ fn track(log: &Dated<'_>) -> Result<Track> {
     Ok(Track::new(log.flight.samples.iter().map(|s| (s.time_s + log.offset_s, world(s)))))
 }
 
-/// Returns the ranges in a log. A repeated value does not count as a new measurement.
+/// Returns the ranges in the log of drone `drone`, counted from 0. A repeated value does not count
+/// as a new measurement. Returns [`Error::Input`] for a log without ranges.
 fn ranges(log: &Flight, drone: usize) -> Result<Vec<RangeSample>> {
     let mut samples = Vec::new();
     let mut has_ranges = false;
@@ -403,7 +415,8 @@ fn ranges(log: &Flight, drone: usize) -> Result<Vec<RangeSample>> {
     Err(Error::input("columns", "no range", wanted, "log the ranges of the ranging group"))
 }
 
-/// Converts a drone's positions, from its first range to its last, to a flight.
+/// Returns a flight with the positions of drone `drone`, counted from 0, from its first range to
+/// its last.
 fn flight(located: &Located, drone: usize) -> Result<Flight> {
     let sample = |index: usize| {
         let position_m = located.position_m[drone][index].map(on_grid);
@@ -418,7 +431,8 @@ fn flight(located: &Located, drone: usize) -> Result<Flight> {
     })
 }
 
-/// Returns the median and the maximum standard deviation of the positions over three axes, in m.
+/// Returns the median and the maximum standard deviation in m of the positions over three axes.
+/// Returns `None` for an observer without a covariance.
 fn sigmas_m(located: &Located) -> Option<[f64; 2]> {
     let drones = located.covariance_m2.iter().enumerate();
     let heard = drones.flat_map(|(drone, covariances)| &covariances[located.heard(drone)]);
@@ -427,7 +441,7 @@ fn sigmas_m(located: &Located) -> Option<[f64; 2]> {
     Some([median(sigmas_m)?, worst_m])
 }
 
-/// Parses a box from its minimum and maximum coordinates.
+/// Parses a box from its minimum and maximum coordinates in m. Returns a message for other texts.
 fn room(text: &str) -> std::result::Result<Room, String> {
     let room = numbers(text, &[',']).map(|[left, front, bottom, right, back, top]| Room {
         low_m: Vector3::new(left, front, bottom),

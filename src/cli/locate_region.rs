@@ -20,8 +20,13 @@ const SPANS_S: [f64; 4] = [0.0, 1.0, 3.0, 20.0];
 const MAP_S: f64 = 64.0;
 /// Number of random starts for each initial error.
 const STARTS: u32 = 40;
+/// Shortest duration in s of a plan that is repeated.
+const LEAST_S: f64 = 1e-3;
+/// Smallest standard deviation of a range in m, because exact ranges have no information matrix.
+const LEAST_NOISE_M: f64 = 1e-4;
 
-/// Reports the region of convergence and the observability along the scene's word.
+/// Returns the report on the region of convergence of the shared-anchor observer, and on the
+/// observability, while two drones write the scene's word.
 pub(super) fn region(scene: Scene) -> Result<Report> {
     let uwb = scene.sensors.uwb.clone();
     let Some(anchors) = shared_anchor(&uwb.heard) else {
@@ -39,7 +44,7 @@ pub(super) fn region(scene: Scene) -> Result<Report> {
     // The drones repeat the word until the end of the simulated time.
     let path = |time_s: f64| {
         [first, second]
-            .map(|planned| planned.plan.design_m(time_s % planned.plan.duration_s().max(1e-3)))
+            .map(|planned| planned.plan.design_m(time_s % planned.plan.duration_s().max(LEAST_S)))
     };
     let observer = |gain| SharedAnchorObserver { own_m: [one, two], shared_m, gains: [gain; 2] };
     let errors = ERRORS_M.map(|error_m| {
@@ -48,7 +53,7 @@ pub(super) fn region(scene: Scene) -> Result<Report> {
     });
     let seen = SPANS_S.map(|span_s| {
         let [ranges, three] = [Outputs::Ranges, Outputs::Three].map(|outputs| {
-            let noise_m = uwb.noise_m.max(1e-4);
+            let noise_m = uwb.noise_m.max(LEAST_NOISE_M);
             observability(&observer(1.0), outputs, path, span_s, uwb.rate_hz, noise_m)
         });
         json!({ "time_s": span_s, "ranges": ranges, "three_outputs": three })

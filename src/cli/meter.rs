@@ -32,9 +32,11 @@ pub(super) struct MeterArgs {
     target_stops: Option<f64>,
 }
 
+/// Runs the verb `meter`, which reports the exposure of each lamp's trail in stops relative to
+/// saturation, and recommends camera settings.
 pub(super) fn run(args: &MeterArgs) -> Result<Report> {
     if let Some(stops) = args.target_stops {
-        crate::error::within("target_stops", stops, -30.0, 30.0)?;
+        crate::error::within("target_stops", stops, -MOST_STOPS, MOST_STOPS)?;
     }
     let shoot = match args.flight.as_slice() {
         [] => args.subject.shoot(|scene| args.picture.apply(scene), &|_| Ok(()))?,
@@ -111,6 +113,8 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
 
 /// Maximum number of hot spots in the table.
 const MOST_SPOTS: usize = 20;
+/// Largest distance of a target from saturation in stops.
+const MOST_STOPS: f64 = 30.0;
 
 const LAYOUT: &str = "\
 brightest\t{brightest.name}: {brightest.median_stops:+.1} stops over saturation
@@ -133,8 +137,8 @@ to put the middle of a lamp's trail at {target_stops:+.1} stops, one of
 and {more} more (--json has them all)
 ";
 
-/// Returns the hot spots above saturation with their lamps, brightest first. A lamp whose exposure
-/// stays below saturation leaves no blob, however long the drone waits.
+/// Returns the hot spots above saturation as JSON with the names of their lamps, brightest first. A
+/// lamp whose exposure stays below saturation leaves no blob, however long the drone waits.
 fn hot_spots(readings: &[LampReading]) -> Vec<Value> {
     let spots = readings.iter().flat_map(|r| r.hot_spots.iter().map(move |spot| (&r.name, spot)));
     let mut spots: Vec<_> = spots.filter(|(_, spot)| spot.stops > 0.0).collect();
@@ -147,8 +151,10 @@ fn hot_spots(readings: &[LampReading]) -> Vec<Value> {
     spots.into_iter().map(spot).collect()
 }
 
-/// Replaces the readings of a ring's LEDs by the reading of its brightest LED.
+/// Returns the readings with those of a ring's LEDs replaced by that of the brightest LED.
 fn grouped(readings: &[LampReading]) -> Vec<LampReading> {
+    /// Returns the name of the row for an LED of a ring, such as `ring, brightest`, or `None` for
+    /// other lamps.
     fn group(reading: &LampReading) -> Option<String> {
         let (group, led) = reading.name.rsplit_once(' ')?;
         led.parse::<u8>().ok()?;

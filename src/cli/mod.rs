@@ -115,6 +115,7 @@ macro_rules! verbs {
         const GROUPS: &[(&str, &[(&str, &str)])] =
             &[$(($group, &[$((stringify!($module), $examples)),+])),+];
 
+        /// Runs a verb with its arguments, and returns its report.
         fn run(verb: &Verb) -> Result<Report> {
             match verb {
                 $($(Verb::$verb(args) => $module::run(args),)+)+
@@ -193,7 +194,7 @@ verbs! {
     }
 }
 
-/// Builds the clap command with a help text that groups the verbs, which clap does not support.
+/// Returns the clap command with a help text that groups the verbs, which clap does not support.
 /// Only the verbs of the first group are explained, so that the help fits on one screen.
 fn command() -> Command {
     let mut command = CommandLine::command();
@@ -236,7 +237,8 @@ pub fn main() -> u8 {
     }
 }
 
-/// Parses and runs the command, on the main thread only if no other thread can be started.
+/// Parses and runs the command that was typed, and returns its exit code: 0 for success, 1 for a
+/// report that does not pass, 2 for an error.
 fn run_typed() -> u8 {
     if std::thread::current().name() == Some("main")
         && let Some(bytes) = main_stack().filter(|bytes| *bytes < STACK)
@@ -280,7 +282,7 @@ fn run_typed() -> u8 {
     }
 }
 
-/// Runs a command for a calling program.
+/// Runs a command for a calling program, and returns its report instead of printing it.
 ///
 /// # Errors
 ///
@@ -309,13 +311,14 @@ pub fn report_of(words: &[String]) -> Result<Report> {
     }
 }
 
-/// Returns clap's reason for refusing arguments.
+/// Returns the first line of clap's reason for refusing arguments.
 fn refused(error: &clap::Error) -> String {
     let text = error.render().to_string();
     let first = text.lines().next().unwrap_or_default().trim_start_matches("error: ");
     first.trim_end_matches(" found").to_owned()
 }
 
+/// Prints an error, its hint and further advice, and returns the exit code 2.
 fn failed(error: &Error, advice: &[String]) -> u8 {
     message("error: ", &error.to_string());
     message("hint: ", error.hint());
@@ -323,7 +326,7 @@ fn failed(error: &Error, advice: &[String]) -> u8 {
     2
 }
 
-/// Prints the requested help, or the error in the arguments.
+/// Prints the requested help, or the error in the arguments. Returns the exit code.
 fn usage(error: &clap::Error) -> u8 {
     let text = error.render().to_string();
     if !error.use_stderr() {
@@ -360,6 +363,7 @@ fn main_stack() -> Option<usize> {
 
 /// Runs `work` on the given number of threads. 0 stands for one thread per processor core, or fewer
 /// if the system refuses to start that many. If it starts none, the current thread runs `work`.
+/// Returns [`Error::Input`] for too many threads.
 fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
     if threads > MAX_THREADS {
         let wanted = format!("at most {MAX_THREADS}");
@@ -402,7 +406,8 @@ fn run_quietly(verb: &Verb) -> Result<Report> {
     report
 }
 
-/// Runs a verb, and adds the warnings that the verb printed to its JSON object.
+/// Runs a verb, and adds the warnings that the verb printed to its JSON object. The digest of the
+/// photo is added for programs (`for_programs`) only, because it takes time.
 fn run_warned(verb: &Verb, for_programs: bool) -> Result<Report> {
     take_warnings();
     let mut report = run(verb)?;

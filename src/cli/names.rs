@@ -46,8 +46,10 @@ pub(super) struct Corners(pub(super) [[f64; 2]; 4]);
 impl FromStr for Corners {
     type Err = String;
 
-    /// Parses four corners, such as `10,20 300,20 300,90 10,90`.
+    /// Parses four corners in pixels, such as `10,20 300,20 300,90 10,90`. Returns a message for
+    /// other texts.
     fn from_str(text: &str) -> Result<Self, String> {
+        /// Reads a pair such as `10,20` as x and y.
         fn corner(pair: &str) -> Option<[f64; 2]> {
             let (x, y) = pair.split_once(',')?;
             Some([x.trim().parse().ok()?, y.trim().parse().ok()?])

@@ -42,7 +42,7 @@ impl Report {
         Self { text: print(layout, &[&report.json, words]), ..report }
     }
 
-    /// Appends the text of another report, and adds the members of its object.
+    /// Appends the text of another report to this one, and adds the members of its JSON object.
     pub(super) fn add(&mut self, other: Self) {
         self.text += &other.text;
         if let (Some(members), Value::Object(more)) = (self.json.as_object_mut(), other.json) {
@@ -60,6 +60,8 @@ impl Report {
         self.text += &line(name, text);
     }
 
+    /// Returns the report with the paths of the files that were written. The text is sent to
+    /// standard error if one of the files is standard output.
     pub(super) fn with_files(mut self, files: &[PathBuf]) -> Self {
         // Paths are not wrapped, so that they can be copied.
         for (index, file) in files.iter().enumerate() {
@@ -73,6 +75,8 @@ impl Report {
         self
     }
 
+    /// Returns the report with the result that determines the exit code, which is that of success
+    /// if it `passed`.
     pub(super) fn passes(self, passed: bool) -> Self {
         Self { passed, ..self }
     }

@@ -57,7 +57,7 @@ impl Outputs {
         })
     }
 
-    /// Writes the table of each drone together with the scene.
+    /// Writes the table of each drone with `write`, together with the scene. Returns the paths.
     pub(super) fn keep<T>(
         self,
         items: &[T],
@@ -121,8 +121,8 @@ pub(super) fn leftovers(folder: &Path, kind: &str, n_drones: usize) -> Result<Ve
     Err(Error::input(folder.display(), names.join(", "), wanted, hint))
 }
 
-/// Writes a scene into a folder, with the digests of its plans or flights, and with copies of the
-/// files that it names.
+/// Writes a scene into a folder, with the digests of its plans or flights by their names, and with
+/// copies of the files that it names. `path` is the folder's final path.
 pub(super) fn write_scene(
     scene: &Scene,
     path: &Path,

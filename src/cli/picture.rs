@@ -63,7 +63,8 @@ pub(super) struct StandFlag {
 }
 
 impl StandFlag {
-    /// Moves the camera of a scene to the position that was typed.
+    /// Moves the camera of a scene to the position that was typed. Returns an error if it is out of
+    /// range.
     pub(super) fn apply(&self, scene: &mut Scene) -> Result<()> {
         if let Some(position_m) = self.camera_at {
             let pose = FixedPose { position_m, ..FixedPose::default() };
@@ -74,6 +75,8 @@ impl StandFlag {
     }
 }
 
+/// Reads a position such as `1.2,-3.5,1.4` as x, y and z in m of the world frame. Returns a message
+/// for other texts.
 fn place(text: &str) -> std::result::Result<[f64; 3], String> {
     numbers(text, &[',']).ok_or_else(|| "wanted X,Y,Z in meters, such as 1.2,-3.5,1.4".to_owned())
 }
@@ -133,6 +136,10 @@ struct Size {
 /// Longer sides of the paper sizes A0 to A6 in mm (ISO 216). Each is also the shorter side of the
 /// next larger size.
 const PAPER_MM: [f64; 7] = [1189.0, 841.0, 594.0, 420.0, 297.0, 210.0, 148.0];
+/// Length of an inch in mm.
+const MM_PER_INCH: f64 = 25.4;
+/// Smallest and largest resolution of a print.
+const DOTS_PER_INCH: std::ops::RangeInclusive<f64> = 10.0..=2400.0;
 
 /// Parses a size in pixels such as `1920x1080`, or a paper size and dots per inch such as `A2@150`.
 fn size(text: &str) -> std::result::Result<Size, String> {
@@ -149,16 +156,18 @@ fn size(text: &str) -> std::result::Result<Size, String> {
     size.ok_or_else(|| wanted.to_owned())
 }
 
-/// Returns the size of a print, given its paper and its dots per inch.
+/// Returns the size in pixels of a print, given its paper and its dots per inch, or `None` if these
+/// are not understood.
 fn print_size(paper: &str, dots: &str) -> Option<Size> {
-    let dots: f64 = dots.parse().ok().filter(|dots| (10.0..=2400.0).contains(dots))?;
+    let dots: f64 = dots.parse().ok().filter(|dots| DOTS_PER_INCH.contains(dots))?;
     let number = paper.strip_prefix(['A', 'a']).and_then(|n| n.parse().ok());
-    let mm = match number.filter(|n: &usize| *n < 6) {
+    // Each paper is half of the one before it, so its shorter side is the longer one of the next.
+    let mm = match number.filter(|n: &usize| *n + 1 < PAPER_MM.len()) {
         Some(n) => [PAPER_MM[n], PAPER_MM[n + 1]],
         None => numbers(paper.strip_suffix("mm")?, &['x', 'X', '×'])?,
     };
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
-    let px = mm.map(|mm: f64| (mm / 25.4 * dots).round() as u32);
+    let px = mm.map(|mm: f64| (mm / MM_PER_INCH * dots).round() as u32);
     Some(Size { px, dots_per_inch: Some(dots) })
 }
 

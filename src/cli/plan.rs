@@ -40,6 +40,8 @@ pub(super) struct PlanArgs {
     output: Option<PathBuf>,
 }
 
+/// Runs the verb `plan`, which plans the flights of a word and writes them as tables, or as a
+/// drawing if the output is an SVG file.
 pub(super) fn run(args: &PlanArgs) -> Result<Report> {
     let mut scene = args.design.load(args.after.as_slice(), &[])?;
     if let Some(path) = &args.after {
@@ -91,15 +93,18 @@ fn written_where_lit(mut flight: Flight) -> Flight {
     flight
 }
 
+/// Returns the time in s for which the design of a plan is lit.
 fn light_s(plan: &Plan) -> f64 {
     let lit = plan.lit();
     let rows = plan.setpoints.windows(2).zip(&lit).filter(|(_, lit)| **lit > 0.0);
     rows.map(|(pair, _)| pair[1].time_s - pair[0].time_s).sum()
 }
 
-/// Returns the report on the plan of each drone and of all drones together.
+/// Returns the report on the plan of each drone and on all drones together. `word` names the
+/// drawing.
 fn described(word: &str, planned: &[Planned]) -> Report {
-    // A streak is light beyond the end of a stroke. The report contains the longest streak.
+    /// Returns the duration, the lit time and the light errors at the ends of strokes of one plan
+    /// as JSON. A streak is light beyond the end of a stroke.
     fn drone(Planned { plan, ends }: &Planned) -> Value {
         let ends = ends.iter().map(|end| {
             json!({

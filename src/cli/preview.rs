@@ -58,6 +58,8 @@ pub(super) struct PreviewArgs {
     output: PathBuf,
 }
 
+/// Runs the verb `preview`, which flies, photographs and reads a word or plans, checks the flight,
+/// and writes the files. The report passes if the word is legible and nothing stops the flight.
 pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     // The graphics device is prepared while the word is planned.
     let developer = Developer::start(tried(args.picture.backend)?);
@@ -168,7 +170,7 @@ fn planned(args: &PreviewArgs) -> Result<Shoot> {
     Ok(if form == Form::Compressed { shoot.by_firmware_clock() } else { shoot })
 }
 
-/// Warns if the room has no place for the camera.
+/// Warns if the room has no place for the scene's camera.
 fn warn_of_no_place(placement: Option<&ShotPlan>) {
     let camera = placement.and_then(|plan| plan.cameras.first());
     warn(camera.filter(|camera| camera.tripod_m.is_none()).map(|camera| {
@@ -178,7 +180,8 @@ fn warn_of_no_place(placement: Option<&ShotPlan>) {
     }));
 }
 
-/// Writes the files of the photograph and, for a word, the verdict.
+/// Writes the files of the photograph, the scene and, for a word, the verdict into a folder whose
+/// final path is `path`.
 fn write(shot: &Shot, verdict: &Value, path: &Path, folder: &mut OutputFolder) -> Result<()> {
     let digests = shot.each_file(|name, write| folder.write_with(name, |out| write(out)))?;
     write_scene(&shot.shoot.scene, path, folder, digests)?;

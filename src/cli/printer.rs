@@ -61,12 +61,14 @@ pub(super) fn print(layout: &str, scopes: &[&Value]) -> String {
     if layout.ends_with("\n\n") { text + "\n" } else { text }
 }
 
-/// Splits a line that begins with the character `first` at the next character `second`.
+/// Splits a line that begins with the character `first` at the next character `second`. Returns the
+/// texts between both and after `second`, or `None` for another line.
 fn strip(line: &str, first: char, second: char) -> Option<(&str, &str)> {
     line.strip_prefix(first)?.split_once(second)
 }
 
-/// Applies a function to each item of a list. Returns `None` if no scope contains the list.
+/// Applies a function to each item of a list, with the item and its index (`#`) as the last scopes.
+/// Returns `None` if no scope contains the list.
 fn each<T>(path: &str, scopes: &[&Value], item: impl Fn(&[&Value]) -> T) -> Option<Vec<T>> {
     let items = value(path, scopes)?.as_array().into_iter().flatten().enumerate();
     let items = items.map(|(index, value)| {
@@ -76,7 +78,8 @@ fn each<T>(path: &str, scopes: &[&Value], item: impl Fn(&[&Value]) -> T) -> Opti
     Some(items.collect())
 }
 
-/// Fills the values into a line of a layout, or returns an empty text if the line is omitted.
+/// Returns a line of a layout with its values, or an empty text if one of the values is null. The
+/// name at the beginning of the line stays beside the wrapped words.
 fn filled(line: &str, scopes: &[&Value]) -> String {
     // The name ends at the first two spaces, which the words follow.
     let begin = line.find(|c| c != ' ').unwrap_or(0);
@@ -105,7 +108,8 @@ pub(super) fn line(name: &str, text: &str) -> String {
     beside(name, NAME_WIDTH, text)
 }
 
-/// Fills the values into a line, or returns `None` if one of them is null.
+/// Returns a line with the values of its parts `{...}`, or `None` if one of them is null. A part
+/// `[...]` with a null value is left out.
 fn fill(line: &str, scopes: &[&Value]) -> Option<String> {
     let (mut text, mut rest) = (String::new(), line);
     while let Some(begin) = rest.find(['{', '[']) {
@@ -121,9 +125,9 @@ fn fill(line: &str, scopes: &[&Value]) -> Option<String> {
     Some(text + rest)
 }
 
-/// Returns the text for the path between braces, or `None` if its value is null.
+/// Returns the text for the path between braces, or `None` if its value is null. The forms are
+/// `path?yes:no` and `path*factor:digits~missing`, in which every part except the path is optional.
 fn figure(figure: &str, scopes: &[&Value]) -> Option<String> {
-    // `path?yes:no`
     if let Some((path, words)) = figure.split_once('?') {
         let (yes, no) = words.split_once(':').unwrap_or((words, ""));
         let is_set = match value(path, scopes) {
@@ -135,7 +139,8 @@ fn figure(figure: &str, scopes: &[&Value]) -> Option<String> {
         };
         return Some(if is_set { yes } else { no }.to_owned());
     }
-    // The form is `path*factor:digits~missing`, in which every part except the path is optional.
+
+    // The marks are split off from the end, so that none can stand within another part.
     let (figure, missing) =
         figure.split_once('~').map_or((figure, None), |(figure, words)| (figure, Some(words)));
     let (path, digits) = figure.split_once(':').unwrap_or((figure, ""));
@@ -159,7 +164,7 @@ fn figure(figure: &str, scopes: &[&Value]) -> Option<String> {
     Some(text)
 }
 
-/// Formats a number with digits such as `+.2` or `.3e`.
+/// Returns a number as text with digits such as `+.2` or `.3e`.
 fn in_digits(number: f64, digits: &str) -> String {
     let (sign, digits) = digits.strip_prefix('+').map_or(("", digits), |digits| ("+", digits));
     let (digits, is_power) = digits.strip_suffix('e').map_or((digits, false), |n| (n, true));

@@ -41,12 +41,13 @@ impl Progress {
         }
         if let Some(bar) = &self.bar {
             #[expect(clippy::cast_possible_truncation, reason = "0..=STEPS")]
-            bar.set_position((done_frac.clamp(0.0, 1.0) * 1000.0) as u64);
+            bar.set_position((done_frac.clamp(0.0, 1.0) * STEPS as f64) as u64);
         }
     }
 }
 
-/// Returns a callback that shows the progress of a shoot. An exposure reports no progress.
+/// Returns a callback that shows the progress of a shoot, given a stage and its finished fraction
+/// from 0 to 1. An exposure is shown without its fraction.
 pub(super) fn watch() -> impl Fn(Stage, f64) + Sync {
     let shown: Mutex<(Option<Progress>, Option<ProgressBar>)> = Mutex::default();
     move |stage, done| {

@@ -67,6 +67,9 @@ pub(super) struct RankArgs {
 /// only into two.
 const GRADED_SEEDS: u32 = 100;
 
+/// Runs the verb `rank`, which flies scenes or submissions in the same conditions, and ranks them.
+/// With `--shard`, only a part of the flights is flown and stored. The report passes if no
+/// submission is refused.
 pub(super) fn run(args: &RankArgs) -> Result<Report> {
     let shard = args.shard.as_deref().map(str::parse::<Shard>).transpose()?;
     let conditions = args.study.conditions()?;
@@ -137,7 +140,8 @@ pub(super) fn run(args: &RankArgs) -> Result<Report> {
 const ACUITY: &str = "acuity.png";
 
 impl RankArgs {
-    /// Returns the study on each rung of the ladder of --acuity, or none without it.
+    /// Returns the study on each rung of the ladder of letter heights that `--acuity` asks for, or
+    /// none without it.
     fn ladder(&self, study: &Study) -> Result<Vec<Study>> {
         let Some(n) = self.acuity.filter(|_| !study.contenders.is_empty()) else {
             return Ok(Vec::new());

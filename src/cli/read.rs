@@ -30,10 +30,14 @@ pub(super) struct ReadArgs {
 
 /// Probability from which a single mark that is no writing is named.
 const NOTED: f64 = 0.4;
+/// Angle of a quarter turn in degrees.
+const QUARTER_DEG: usize = 90;
 
+/// Runs the verb `read`, which reads the writing in a photo. The report passes if any is found.
 pub(super) fn run(args: &ReadArgs) -> Result<Report> {
     let photo = photo::read(&args.photo)?;
     let photo = square_on(photo, args.corners.as_ref(), &args.camera)?;
+    // A single mark must be clearer than the letters of a word. A note names one that is not.
     let reading = read_upright(photo, "").1;
     let single = match reading.letters[..] {
         [ReadLetter { letter, p, .. }] => Some((letter, p)),
@@ -87,13 +91,13 @@ pub(super) fn read_upright(photo: Photo, word: &str) -> (Photo, Reading) {
         };
     }
     let way_up = ["on its side", "upside down", "on its side"][quarters - 1];
-    let angle_deg = 90 * quarters;
+    let angle_deg = QUARTER_DEG * quarters;
     let text = format!("the writing is {way_up}: the photo is turned clockwise by {angle_deg}°");
     message("note: ", &text);
     (quarter_turned(&photo, quarters), reading)
 }
 
-/// Rectifies the photo's line of writing if its corners or a camera are given.
+/// Returns the photo with its line of writing rectified, if its corners or a camera are given.
 fn square_on(photo: Photo, corners: Option<&Corners>, flags: &CameraFlags) -> Result<Photo> {
     if let Some(Corners(corners_px)) = corners {
         return View::rectified_by_corners(&photo, *corners_px);

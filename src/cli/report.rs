@@ -41,6 +41,8 @@ const MAX_PX: u32 = 1920;
 /// JPEG quality of a photo in the page, out of 100.
 const QUALITY: u8 = 82;
 
+/// Runs the verb `report`, which shows the photos, drawings, settings and tables of a folder in one
+/// HTML page.
 pub(super) fn run(args: &ReportArgs) -> Result<Report> {
     let files = files_in(&args.folder)?;
     let output = Output::create(&args.output)?;
@@ -106,6 +108,7 @@ fn shows(path: &Path) -> bool {
 }
 
 /// Returns the verdict on the folder's photo as a sentence, or an empty text if there is none.
+/// Returns an error for an unreadable file.
 fn lead(files: &[PathBuf]) -> Result<String> {
     let Some(path) = files.iter().find(|path| name(path).eq_ignore_ascii_case("verdict.json"))
     else {
@@ -117,7 +120,7 @@ fn lead(files: &[PathBuf]) -> Result<String> {
     Ok(sentence(words, verdict["legible"] == true, readability))
 }
 
-/// Adds a file to the page: a photo, a drawing, a table or a scene.
+/// Returns the page with a file added: a photo, a drawing, a table or a scene.
 fn add(page: Page, path: &Path, name: &str) -> Result<Page> {
     Ok(match &*ending(path) {
         "png" => page.photo(&photo::jpeg(&shrink(photo::read(path)?, MAX_PX), QUALITY), name, None),
@@ -132,7 +135,7 @@ fn add(page: Page, path: &Path, name: &str) -> Result<Page> {
     })
 }
 
-/// Adds a CSV file to a page as a table.
+/// Returns the page with a CSV file added as a table of its first [`MAX_ROWS`] rows.
 fn table(page: Page, path: &Path) -> Result<Page> {
     let broken = |error: csv::Error| {
         let place = path.display().to_string();
@@ -166,9 +169,11 @@ fn table(page: Page, path: &Path) -> Result<Page> {
 
 /// Returns a number rounded to four decimals, or any other cell unchanged.
 fn shortened(cell: &str) -> String {
+    // Longest cell in characters that is not rounded.
+    const SHORT: usize = 7;
     match cell.parse::<f64>() {
-        Ok(number) if cell.len() > 7 && number.abs() >= 1e-3 => format!("{number:.4}"),
-        Ok(number) if cell.len() > 7 && number != 0.0 => format!("{number:.3e}"),
+        Ok(number) if cell.len() > SHORT && number.abs() >= 1e-3 => format!("{number:.4}"),
+        Ok(number) if cell.len() > SHORT && number != 0.0 => format!("{number:.3e}"),
         _ => cell.to_owned(),
     }
 }

@@ -29,6 +29,7 @@ pub(super) struct SceneArgs {
     output: Option<PathBuf>,
 }
 
+/// Runs the verb `scene`, which prints a complete scene with comments, or writes it to a file.
 pub(super) fn run(args: &SceneArgs) -> Result<Report> {
     let preset = args.preset.iter().map(|name| ("preset".to_owned(), name.clone()));
     let settings: Vec<_> = preset.chain(args.seed.settings()).collect();

@@ -59,6 +59,7 @@ pub(super) struct ScoreArgs {
     output: Option<PathBuf>,
 }
 
+/// Runs the verb `score`, which reads the word in a photo and reports how legible it is.
 pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     let word = typed_word(args.word.as_ref(), args.as_word.as_ref())?;
     let output = args.output.as_deref().map(Output::create).transpose()?;
@@ -157,8 +158,8 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     Ok(report.with_files(&files).passes(verdict.legible))
 }
 
-/// Refuses a font or drawing whose digest differs from the digest in the photo, if the photo has
-/// one.
+/// Refuses a font or drawing whose strokes differ from those whose digest is in the photo
+/// (`of_photo`), if the photo has one. `file` is the photo's name in messages.
 fn check_strokes(strokes: &Strokes, of_photo: Option<&str>, file: String) -> Result<()> {
     let Some(digest) = of_photo.filter(|digest| strokes.sha256() != **digest) else {
         return Ok(());
@@ -198,7 +199,8 @@ fn check_flights(args: &ScoreArgs, flights: &[Flight], shown: Option<&str>) -> R
     Ok(())
 }
 
-/// Locates the word by its light if no camera is given, and prints a note.
+/// Returns the view in which the word is located by its light, or `None` if none is found, and
+/// prints a note on which of both it is.
 fn by_light(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Result<Option<View>> {
     let view = find_word(photo, reading, strokes);
     let text = match view {

@@ -62,6 +62,7 @@ pub(super) struct ServeArgs {
     worker: bool,
 }
 
+/// Runs the verb `serve`, which serves the page until the program ends, or works for a server.
 pub(super) fn run(args: &ServeArgs) -> Result<Report> {
     let program = Program { worker, advice, typeface: typefaces::with, warn: |text| warn([text]) };
     match args.worker {
@@ -71,6 +72,7 @@ pub(super) fn run(args: &ServeArgs) -> Result<Report> {
     Ok(Report::new(String::new(), json!({})))
 }
 
+/// Checks that the scene can be flown, and serves the page.
 fn serve(args: &ServeArgs, program: Program) -> Result<()> {
     // The page starts from this scene, and each visitor changes a copy of it.
     let named = args.scene.as_deref().unwrap_or(Preset::default().name());
@@ -131,7 +133,8 @@ fn advice(shot: &Shot) -> Result<Vec<Suggestion>> {
     Ok(remedies.filter_map(|remedy| Suggestion::new(remedy.changes, remedy.gain)).collect())
 }
 
-/// Prints the addresses, and opens the page in a browser if `--open` is given.
+/// Prints the addresses, and opens the page in a browser if `--open` is given. `has_room` is true
+/// if the scene names a room, without which a fence is a guess.
 fn announce(args: &ServeArgs, addresses: &Addresses, has_room: bool) -> Result<()> {
     let page = if args.kiosk { &addresses.kiosk } else { &addresses.visitors };
     match parsed_command_line().is_some_and(|typed| typed.json) {
@@ -144,14 +147,15 @@ fn announce(args: &ServeArgs, addresses: &Addresses, has_room: bool) -> Result<(
     Ok(())
 }
 
-/// Returns the addresses as JSON.
+/// Returns the addresses as JSON. `page` is the one to open first.
 fn object(page: &str, addresses: &Addresses) -> Value {
     let [visitors, kiosk] =
         addresses.network.as_ref().map_or([None; 2], |both| both.each_ref().map(Some));
     json!({ "page": page, "network": visitors, "kiosk": kiosk, "operator": addresses.operator })
 }
 
-/// Returns the addresses as text.
+/// Returns the addresses as text with what each one allows. `page` is the one to open first, and
+/// `has_room` is true if the scene names a room.
 fn table(args: &ServeArgs, page: &str, addresses: &Addresses, has_room: bool) -> String {
     // The network address is followed by a line that says what it allows.
     let mut text = line("page", page);
@@ -183,7 +187,7 @@ fn table(args: &ServeArgs, page: &str, addresses: &Addresses, has_room: bool) ->
     text
 }
 
-/// Opens an address in the default browser of the desktop.
+/// Opens an address in the default browser of the desktop, or prints a note if there is none.
 fn open(address: &str) {
     let opener = match std::env::consts::OS {
         "macos" => "open",

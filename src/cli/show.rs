@@ -45,7 +45,8 @@ pub(super) fn verdict_sentence(verdict: &Verdict) -> String {
     sentence([&verdict.word, &verdict.read], verdict.legible, verdict.readability)
 }
 
-/// Returns a sentence with a word, its reading and the verdict.
+/// Returns a sentence with a word, what was read instead, and whether it is `legible`.
+/// `readability` is a probability.
 pub(super) fn sentence(words: [&str; 2], legible: bool, readability: f64) -> String {
     let [word, read] = words.map(in_one_line);
     let legible = if legible { "legible" } else { "NOT legible" };
@@ -56,6 +57,7 @@ fn in_one_line(text: &str) -> String {
     text.replace('\n', " ")
 }
 
+/// Returns the reason for a verdict as words.
 fn in_words(reason: Reason, verdict: &Verdict) -> String {
     let text = match reason {
         Reason::NotInPhoto => "the photo does not show the intended position of the word",
@@ -171,7 +173,7 @@ pub(super) fn backend(shot: &Shot) -> Report {
     Report::with_layout(product, "exposed   by {backend} on {adapter}")
 }
 
-/// Converts tracking figures to JSON.
+/// Returns tracking figures as JSON, with the errors in the word's plane added.
 pub(super) fn tracking_json(tracking: &Tracking) -> Value {
     let mut json = json!(tracking);
     json["in_plane_rmse_m"] = tracking.in_plane_rmse_m().into();

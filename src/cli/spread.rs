@@ -41,14 +41,15 @@ impl SpreadFlags {
         Conditions::find(&self.conditions)
     }
 
-    /// Simulates the spread of a shoot if `--spread` is given, and writes its pictures.
+    /// Simulates the spread of a shoot if `--spread` is given, and writes its pictures: the bands
+    /// from the front and over time, and the photos of all flights. Returns the report and the
+    /// drawings.
     pub(super) fn run(
         &self,
         shoot: &Shoot,
         conditions: &Conditions,
         folder: &mut OutputFolder,
     ) -> Result<Option<Shown>> {
-        // The pictures show the bands from the front and over time, and the photos of all flights.
         let Some(n) = self.spread.map(usize::from) else { return Ok(None) };
         let band = spread(shoot, conditions, n, &counter("flying", 2 * n))?;
         if n < LEAST_FLIGHTS {
@@ -59,6 +60,7 @@ impl SpreadFlags {
         }
         let mut drawings = vec![spread_front(&band)];
         folder.write("spread-xz.svg", &drawings[0])?;
+        // A flight without light has no photo. The title of each photo is its seed and verdict.
         let photos = band.flights.iter().filter_map(|SpreadFlight { seed, shot, .. }| {
             let shot = shot.as_ref().ok()?;
             let verdict =
@@ -80,6 +82,7 @@ impl SpreadFlags {
     }
 }
 
+/// Returns the report on the spread: the reading of each flight, and the bands around the path.
 fn described(spread: &Spread, title: &str) -> Report {
     // A flight that lost its drone has no photo, and a drawing has no verdict.
     let flights = spread.flights.iter().map(|SpreadFlight { seed, shot, .. }| match shot {
@@ -118,7 +121,7 @@ spread    {title}[: {legible} legible; readability {least:.2} to {most:.2}, medi
 *bands_within           one drone in one room: x ±{half_width_m.0*1e3:.0}, y ±{half_width_m.1*1e3:.0}, z ±{half_width_m.2*1e3:.0} mm over the letters
 ";
 
-/// Returns a phrase for the fraction of flights that a band contains.
+/// Returns a phrase for the fraction of further flights that a band contains.
 fn holds(band: &Band) -> String {
     let percent = 100.0 * band.holds_frac();
     match band.holds_frac() < BAND_FRAC {
@@ -127,6 +130,8 @@ fn holds(band: &Band) -> String {
     }
 }
 
+/// Returns a band as JSON: for each time the lowest, the median and the highest path, and how wide
+/// it is.
 fn band_json(band: &Band) -> Value {
     let end = |end: usize| band.ends_m.iter().map(|ends| ends[end]).collect::<Vec<_>>();
     json!({ "holds_frac": band.holds_frac(), "half_width_m": band.half_width_m(),

@@ -47,7 +47,8 @@ pub(super) struct StudyFlags {
 }
 
 impl StudyFlags {
-    /// Finds a scene, applies `--set`, and warns of keys without effect.
+    /// Returns the scene with this name and the settings of `--set`, and warns of keys without
+    /// effect.
     pub(super) fn scene(&self, named: &str, conditions: &Conditions) -> Result<NamedScene> {
         let named = find_scene(named, &self.set.set)?;
         // If the conditions add packet loss, radio keys have an effect.
@@ -81,6 +82,8 @@ impl StudyFlags {
         Ok(words)
     }
 
+    /// Returns a word and its number of seeds from a text such as `NOOR:200`. Without a number, it
+    /// is that of `--seeds` or `usual`.
     fn word(&self, text: &str, usual: u32) -> Result<(String, u32)> {
         let Some((word, n)) = text.rsplit_once(':') else {
             return Ok((text.to_owned(), self.seeds.unwrap_or(usual)));
@@ -141,6 +144,8 @@ pub(super) const RANKING: [&str; 4] = ["ranking.csv", "ranking.json", "flights.c
 pub(super) const GRADED: [&str; 5] =
     ["marks.csv", "ranking.csv", "ranking.json", "flights.csv", "photos.png"];
 
+/// Writes the tables, the figures and the photos of a ranking into a folder, and the table of marks
+/// if `marks` is true. Returns the paths.
 pub(super) fn write_ranking(
     mut folder: OutputFolder,
     marks: bool,
@@ -164,7 +169,7 @@ pub(super) fn write_ranking(
     folder.keep()
 }
 
-/// Reports a ranking as text and JSON.
+/// Returns the report on a ranking. `flights` is the number of flights that were flown.
 pub fn ranking_report(study: &Study, ranking: &Ranking, flights: usize) -> Report {
     let product = json!({
         "flights": flights, "measures": ranking.measures, "pairs": ranking.pairs,
@@ -251,14 +256,15 @@ NOT distinguishable ({differ} in P(read), interval for all pairs together):
 /// Maximum number of pairs in the text. Thirty scenes form 435 pairs.
 const MOST_PAIRS: usize = 30;
 
-/// Shortens the names of scenes to a column of `width` characters, and keeps them distinct.
+/// Returns the names of scenes, shortened to a column of `width` characters, and distinct.
 fn labels(ranking: &Ranking, width: usize) -> Vec<String> {
     // One character of the column is left free as a gap.
     let names: Vec<&str> = ranking.measures.iter().map(|m| m.contender.as_str()).collect();
     shortened(&names, width - 1)
 }
 
-/// Shortens names to their last `n` characters, with numbers if two shortened names are equal.
+/// Returns names shortened to their last `n` characters, with numbers if two shortened names are
+/// equal.
 pub(super) fn shortened(names: &[&str], n: usize) -> Vec<String> {
     let ends: Vec<String> = names.iter().map(|name| end_of(name, "…", n)).collect();
     if ends.iter().collect::<HashSet<_>>().len() == ends.len() {

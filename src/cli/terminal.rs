@@ -7,8 +7,8 @@ use std::io::Write;
 use super::printer::wrapped;
 use crate::error::{Error, Result};
 
-/// Prints a result on stdout. A closed pipe is not an error, because programs like `head` stop
-/// reading early.
+/// Prints a result on standard output. A closed pipe is not an error, because programs like `head`
+/// stop reading early.
 pub(super) fn print_out(text: &str) -> Result<()> {
     let mut out = std::io::stdout().lock();
     // Stdout is flushed here, because a write error during exit would be lost.
@@ -51,7 +51,7 @@ pub(super) fn take_warnings() -> Vec<String> {
     WARNED.take()
 }
 
-/// Runs `work` and keeps its messages instead of printing them.
+/// Runs `work` and keeps its messages instead of printing them. Returns the result of `work`.
 pub(super) fn quietly<T>(work: impl FnOnce() -> T) -> T {
     IS_QUIET.set(true);
     let product = work();

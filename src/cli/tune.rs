@@ -19,6 +19,10 @@ use crate::studies::{
 use clap::Args;
 use serde_json::json;
 
+/// Number of flights of a budget that is a time, for which no time suffices.
+const UNLIMITED_FLIGHTS: usize = 10_000_000;
+/// Number of seconds in a minute.
+const S_PER_MIN: f64 = 60.0;
 /// Names of the files that are written once the best scene is found.
 const FILES: [&str; 3] = ["scene.toml", "candidates.csv", "pareto.svg"];
 
@@ -64,13 +68,14 @@ pub(super) struct TuneArgs {
     output: PathBuf,
 }
 
-/// Parses a budget, which is a number of flights or a time.
+/// Parses a budget. Returns the number of flights, and the time if the budget is a time, in which
+/// case the number of flights is a limit that is never reached.
 fn budget(text: &str) -> Result<(usize, Option<Duration>)> {
     let budget = match text.strip_suffix("min") {
         Some(minutes) => {
             let minutes = minutes.trim().parse::<f64>().ok();
-            let time = minutes.and_then(|n| Duration::try_from_secs_f64(60.0 * n).ok());
-            time.map(|time| (10_000_000, Some(time)))
+            let time = minutes.and_then(|n| Duration::try_from_secs_f64(S_PER_MIN * n).ok());
+            time.map(|time| (UNLIMITED_FLIGHTS, Some(time)))
         }
         None => text.parse().ok().map(|flights| (flights, None)),
     };
@@ -78,6 +83,8 @@ fn budget(text: &str) -> Result<(usize, Option<Duration>)> {
     budget.ok_or_else(|| Error::input("budget", text, wanted, "for example 2000, or 5min"))
 }
 
+/// Runs the verb `tune`, which searches for settings with which a scene's words are read more
+/// often, tests them with new seeds and words, and writes the best scene.
 pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     let (flights, time) = budget(&args.budget)?;
     let conditions = args.study.conditions()?;
@@ -163,8 +170,9 @@ fn origin(args: &TuneArgs, tuned: &Tuned) -> String {
     )
 }
 
+/// Returns the plot of all candidates by flight time and legibility. A candidate that lost every
+/// drone has no flight time, and is plotted at 0 s.
 fn plot(tuned: &Tuned) -> String {
-    // A candidate that lost every drone has no flight time, and is plotted at 0 s.
     let pace_and_legibility = |c: &Candidate| (c.duration_s.unwrap_or(0.0), c.legibility);
     let (start, candidates) = tuned.candidates.split_first().expect("the original scene is one");
     let (within, others): (Vec<_>, Vec<_>) =
@@ -227,7 +235,7 @@ best      not better on new seeds: scene.toml holds {kept}; try a larger budget,
 
 ";
 
-/// Formats the value of a scene key, with numbers rounded to four digits.
+/// Returns the value of a scene key as text, with numbers rounded to four digits.
 fn shown(value: &toml::Value) -> String {
     match value.as_float() {
         Some(number) if number != 0.0 && !(1e-3..1e5).contains(&number.abs()) => {

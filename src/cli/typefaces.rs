@@ -54,7 +54,8 @@ fn first_with(folders: &[PathBuf], characters: &[char]) -> Option<PathBuf> {
     })
 }
 
-/// Adds the typeface files in a folder and its subfolders.
+/// Adds the typeface files in a folder and its subfolders, down to `deepest` levels, up to
+/// [`MAX_FILES`] files in total.
 fn gather(folder: &Path, deepest: usize, files: &mut Vec<PathBuf>) {
     let known = |path: &Path| ["ttf", "otf", "ttc"].contains(&&*ending(path));
     for path in entries_in(folder).unwrap_or_default() {
@@ -69,8 +70,8 @@ fn gather(folder: &Path, deepest: usize, files: &mut Vec<PathBuf>) {
     }
 }
 
-/// Returns a typeface's sort key based on its file name, which puts upright before slanted
-/// typefaces, and light before heavy ones.
+/// Returns the sort key of a typeface by its file name: true for slanted ones, and the weight from
+/// 0 (light) to 2 (heavy). Upright and light ones are therefore first.
 fn rank(path: &Path) -> (bool, usize) {
     let name = path.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
     let any = |words: &[&str]| words.iter().any(|word| name.contains(word));

@@ -179,7 +179,8 @@ impl Diagnostic {
         self.severity == Severity::Stop
     }
 
-    /// Returns the figure with this name, or `None` if it is missing or not a number.
+    /// Returns the figure with this name in the unit of its check, or `None` if it is missing or
+    /// not a number.
     pub fn number(&self, name: &str) -> Option<f64> {
         match self.figures.get(name) {
             Some(Figure::Number(number)) => Some(*number),
@@ -187,7 +188,8 @@ impl Diagnostic {
         }
     }
 
-    /// Returns the subject of the value or the reason, or an empty text if there is none.
+    /// Returns the figure `detail`, which names what the value belongs to or why nothing was
+    /// checked, or an empty text if there is none.
     pub fn detail(&self) -> &str {
         match self.figures.get("detail") {
             Some(Figure::Text(text)) => text,
@@ -204,8 +206,8 @@ impl Diagnostic {
         }
     }
 
-    /// Returns a row for a table of checks, which contains severity, name, message, what is wanted,
-    /// and help. The last two cells are empty for a passed check.
+    /// Returns the five cells of a row in a table of checks: severity, name, message, what is
+    /// wanted, and help. The last two cells are empty for a passed check.
     pub fn cells(&self, format_change: impl Fn(&Change) -> String) -> [String; 5] {
         let (mark, wanted) = match self.severity {
             Severity::Fine => ("ok", ""),
@@ -227,7 +229,7 @@ impl Diagnostic {
 }
 
 impl fmt::Display for Diagnostic {
-    /// Writes the place and the message.
+    /// Writes the place, if there is one, and the message in one line.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if !self.place.0.is_empty() {
             write!(f, "{}: ", self.place)?;
@@ -324,7 +326,8 @@ impl Help {
         })
     }
 
-    /// Returns the sentence, with changes formatted by `format_change`.
+    /// Returns the sentence with each change formatted by `format_change`, and all words as they
+    /// are.
     pub fn sentence(&self, format_change: impl Fn(&Change) -> String) -> String {
         self.0.iter().fold(String::new(), |text, part| match part {
             Part::Words(words) => text + words,

@@ -19,12 +19,13 @@ impl Digest {
         // Numbers are added in chunks, because one call per number takes as long as the digest
         // itself.
         const CHUNK: usize = 64;
-        let mut buffer = [0; 8 * CHUNK];
+        const BYTES: usize = size_of::<f64>();
+        let mut buffer = [0; BYTES * CHUNK];
         for chunk in numbers.chunks(CHUNK) {
-            for (bytes, number) in buffer.chunks_exact_mut(8).zip(chunk) {
+            for (bytes, number) in buffer.chunks_exact_mut(BYTES).zip(chunk) {
                 bytes.copy_from_slice(&number.to_le_bytes());
             }
-            self.0.update(&buffer[..8 * chunk.len()]);
+            self.0.update(&buffer[..BYTES * chunk.len()]);
         }
     }
 
@@ -63,6 +64,7 @@ impl<W: Write> Digested<W> {
 }
 
 impl<W: Write> Write for Digested<W> {
+    /// Writes bytes, and adds those that were written to the digest, if one is wanted.
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
         let n = self.to.write(bytes)?;
         if let Some(digest) = &mut self.digest {
@@ -88,6 +90,8 @@ pub fn hmac_sha256(key: &[u8], message: impl IntoIterator<Item = u8>) -> [u8; 32
     // As in RFC 2104, the key is XORed with a block of outer padding and a block of inner padding.
     const OPAD: u8 = 0x5c;
     const IPAD: u8 = 0x36;
+    /// Returns the SHA-256 of a message after a 64-byte block, which is the key XORed with a
+    /// padding.
     fn keyed_sha256(padding: u8, key: &[u8], message: &[u8]) -> [u8; 32] {
         let mut block = [padding; 64];
         block.iter_mut().zip(key).for_each(|(byte, key)| *byte ^= key);

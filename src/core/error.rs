@@ -87,7 +87,7 @@ impl Error {
         }
     }
 
-    /// Sets the code of an input error or of an infeasible request.
+    /// Sets the code of an input error or of an infeasible request. Other errors have fixed codes.
     #[must_use]
     pub fn coded(mut self, name: &'static str) -> Self {
         if let Self::Input { code, .. } | Self::Infeasible { code, .. } = &mut self {
@@ -113,7 +113,7 @@ impl Error {
         }
     }
 
-    /// Replaces the advice.
+    /// Replaces the advice on how to fix the error. A stopped program has fixed advice.
     #[must_use]
     pub fn with_hint(mut self, advice: impl Into<String>) -> Self {
         match &mut self {
@@ -151,7 +151,7 @@ impl Error {
         self.inside(list.into_iter().chain([Segment::Index(index)]))
     }
 
-    /// Prepends segments to an input's place.
+    /// Prepends segments to an input's place. Other errors have no place, and are unchanged.
     fn inside(mut self, outer: impl IntoIterator<Item = Segment>) -> Self {
         if let Self::Input { place, .. } = &mut self {
             place.0.splice(..0, outer);
@@ -165,7 +165,8 @@ impl Error {
         Self::Io { path: path.into(), source, hint }
     }
 
-    /// Creates the error for a file or folder that cannot be written.
+    /// Creates the error for a file or folder that cannot be written, with advice that depends on
+    /// the kind of `source`.
     pub fn write(path: &Path, source: std::io::Error) -> Self {
         use std::io::ErrorKind::{AlreadyExists, NotADirectory};
         // On Windows, a forbidden name causes an error that does not state the reason.
@@ -183,7 +184,8 @@ impl Error {
         Self::Io { path: path.into(), source, hint: hint.into() }
     }
 
-    /// Creates the error for a value that cannot be used.
+    /// Creates the error for a value that cannot be used. `place` names the value, `found` shows
+    /// it, `wanted` says what would be accepted, and `hint` what to do.
     pub fn input(
         place: impl Into<Place>,
         found: impl std::fmt::Display,
@@ -234,7 +236,7 @@ fn shortened(mut text: String) -> String {
     text
 }
 
-/// Checks that a setting is a number within `min..=max`.
+/// Checks that a setting is a number within `min..=max`, which NaN is not.
 ///
 /// # Errors
 ///

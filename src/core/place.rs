@@ -39,7 +39,8 @@ impl Place {
 }
 
 impl std::fmt::Display for Place {
-    /// Writes a place such as `scene.toml:40: light.fixtures[2].name`.
+    /// Writes the segments from the outermost to the innermost, such as `scene.toml:40:
+    /// light.fixtures[2].name`.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         // A dot precedes a key within a key or an item, and a colon precedes other names.
         let mut outer: Option<&Segment> = None;

@@ -122,7 +122,8 @@ pub(crate) fn check_levels(name: &str, levels: &[f64], n_times: usize) -> Result
     }
 }
 
-/// Checks that a picture has at least one pixel, and `n_channels` values for each.
+/// Checks that a picture of a width and height has at least one pixel, and `n_channels` values for
+/// each.
 pub fn check_picture(size_px: [u32; 2], n_values: usize, n_channels: usize) -> Result<()> {
     let [width_px, height_px] = size_px;
     // The product of the three factors may overflow `usize`.

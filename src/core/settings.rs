@@ -141,7 +141,8 @@ pub fn joined(path: &str, key: &str) -> String {
     format!("{path}{dot}{key}")
 }
 
-/// Returns the dotted keys of all settings, without the keys of groups.
+/// Returns the dotted keys of all settings, without the keys of groups. For a choice, the keys of
+/// all its kinds are included.
 pub fn paths(settings: &[Setting]) -> BTreeSet<String> {
     let mut keys = BTreeSet::new();
     for Setting { key, shape, .. } in settings {
@@ -201,6 +202,7 @@ pub fn unknown_name(place: &str, name: &str, shape: Shape) -> Error {
 macro_rules! number {
     ($($type:ty),*) => {$(
         impl Described for $type {
+            /// Checks that a number is within a range, or finite without one.
             fn check(&self, place: &str, range: Option<[f64; 2]>) -> Result<()> {
                 let [min, max] = range.unwrap_or([f64::MIN, f64::MAX]);
                 if (min..=max).contains(&(*self as f64)) {
@@ -240,7 +242,7 @@ impl<T: Described, const N: usize> Described for [T; N] {
     }
 }
 
-/// Checks each item of a list.
+/// Checks each item of a list at the key `place`. Numbers must lie within `range`, if one is given.
 fn check_items(items: &[impl Described], place: &str, range: Option<[f64; 2]>) -> Result<()> {
     let mut items = items.iter().enumerate();
     items.try_for_each(|(i, item)| item.check("", range).map_err(|error| error.of_item(place, i)))

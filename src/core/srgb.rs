@@ -3,12 +3,12 @@
 /// Luminance of the red, green and blue primaries.
 pub const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
-/// Returns the luminance of linear light.
+/// Returns the luminance of linear light, in the same unit as its channels.
 pub fn luminance([r, g, b]: [f64; 3]) -> f64 {
     LUMINANCE[0] * r + LUMINANCE[1] * g + LUMINANCE[2] * b
 }
 
-/// Returns the [`luminance`] in single precision, for pictures.
+/// Returns the [`luminance`] of linear light in single precision, in the unit of the channels.
 #[inline(always)]
 pub fn luminance_f32([r, g, b]: [f32; 3]) -> f32 {
     #[expect(clippy::cast_possible_truncation, reason = "weights up to 1")]
@@ -28,17 +28,18 @@ pub fn xyz([x, y]: [f64; 2]) -> [f64; 3] {
     [x / y, 1.0, (1.0 - x - y) / y]
 }
 
-/// Converts XYZ to linear sRGB. Colors out of gamut have negative components.
+/// Converts XYZ (CIE 1931, Y is luminance) to linear sRGB of the same luminance. Colors out of
+/// gamut have negative components.
 pub fn rgb_from_xyz(xyz: [f64; 3]) -> [f64; 3] {
     RGB_FROM_XYZ.map(|[x, y, z]| x * xyz[0] + y * xyz[1] + z * xyz[2])
 }
 
-/// Converts an encoded value from 0 to 1 to linear light.
+/// Returns the linear light, 0 to 1, of an encoded value from 0 to 1 (IEC 61966-2-1).
 pub fn linear_from_encoded(encoded: f64) -> f64 {
     if encoded <= 0.040_45 { encoded / 12.92 } else { libm::pow((encoded + 0.055) / 1.055, 2.4) }
 }
 
-/// Converts linear light from 0 to 1 to an encoded value.
+/// Returns the encoded value, 0 to 1, of linear light from 0 to 1 (IEC 61966-2-1).
 pub fn encoded_from_linear(linear: f64) -> f64 {
     if linear <= 0.003_130_8 {
         12.92 * linear

@@ -15,8 +15,9 @@ pub fn median<T: Copy + PartialOrd>(values: impl IntoIterator<Item = T>) -> Opti
     Some(*median)
 }
 
-/// Sorts pairs of a value and its weight, and returns the weighted quantile, the smallest value at
-/// which the cumulative weight reaches a fraction of the total. Returns `None` without pairs.
+/// Sorts pairs of a value and its weight, and returns the weighted quantile in the unit of the
+/// values, which is the smallest value at which the cumulative weight reaches a fraction of the
+/// total. Returns `None` without pairs.
 pub fn weighted_quantile(pairs: &mut [(f64, f64)], fraction: f64) -> Option<f64> {
     pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
     let wanted = fraction * pairs.iter().map(|(_, weight)| weight).sum::<f64>();

@@ -179,7 +179,7 @@ impl StrokesData {
         lit.map(|step| distance(step.from_m, step.to_m)).sum()
     }
 
-    /// Returns the box `[left, bottom, right, top]` around all cells and lit moves.
+    /// Returns the box `[left, bottom, right, top]` in m around all cells and lit moves.
     pub fn bounds_m(&self) -> [f64; 4] {
         let corners = self.glyphs.iter().flat_map(|glyph| {
             let Cell { left_m, baseline_m, width_m, cap_height_m } = glyph.cell;
@@ -190,7 +190,8 @@ impl StrokesData {
         bounds(corners)
     }
 
-    /// Returns the ranges of [`Self::glyphs`] that form the lines of text, from the top.
+    /// Returns the ranges of [`Self::glyphs`] that form the lines of text, from the top. A line's
+    /// glyphs have the same baseline.
     pub fn lines(&self) -> Vec<std::ops::Range<usize>> {
         let mut begin = 0;
         let lines =

@@ -74,7 +74,9 @@ pub(super) fn launcher(job: &Job<'_>, scripts: &[String]) -> String {
     with_caution(job, LAUNCHER.replace("@SCRIPTS@", &names))
 }
 
-/// Returns the data of one drone for its script.
+/// Returns the data of one drone for its script, as JSON. Times are in s by the plan's clock,
+/// lengths in m, and angles in rad. In mode `trajectory`, returns the error of a trajectory that
+/// the drone cannot fly.
 fn script_data(job: &Job<'_>, drone: usize, first_start_s: f64) -> Result<Value> {
     let plan = &job.plans[drone];
     let stretch = Stretch::new(plan)?;
@@ -176,8 +178,9 @@ fn trajectory_data(
     Ok((data, refusal))
 }
 
-/// Returns the ring's timing memory and the light changes that it plays. Returns `None` if another
-/// lamp is lit, or if the memory is too small.
+/// Returns the ring's timing memory and the light changes that it plays. Each entry is a duration
+/// in units of 40 ms and three color bytes. Returns `None` if another lamp is lit, or if the memory
+/// is too small.
 fn timing_data(plan: &Plan, lights: &[Command]) -> Option<Value> {
     let timing = timing(plan, lights).filter(|t| t.entries.len() <= RING_TIMING_ENTRIES)?;
     let entries = timing.entries.iter().map(|(units, [r, g, b])| json!([units, r, g, b]));
@@ -186,8 +189,9 @@ fn timing_data(plan: &Plan, lights: &[Command]) -> Option<Value> {
     Some(json!({ "entries": Vec::from_iter(entries), "changes": Vec::from_iter(changes) }))
 }
 
-/// Returns the trajectory of a drone's letters, encoded for its memory. Returns an error for a plan
-/// made for a different clock, and for an unsafe flight.
+/// Returns the trajectory of a drone's letters, encoded for its memory. Returns [`Error::Input`]
+/// for a plan made for a different clock, [`Error::Infeasible`] for an unsafe flight, and the
+/// errors of [`Compressed::encode`].
 fn trajectory(job: &Job<'_>, drone: usize) -> Result<Compressed> {
     if job.trajectory_clock != 1.0 {
         let wanted = "a clock ratio of 1 for a trajectory on board";
@@ -208,7 +212,7 @@ fn command_rows(commands: &[Command]) -> Vec<Value> {
     commands.iter().map(|c| json!([c.time_s, c.parameter, c.value, c.channel, c.level])).collect()
 }
 
-/// Returns the limits of [`safety`] that the script applies to a drone.
+/// Returns the limits of [`safety`] that the script applies to a drone, as JSON in m, rad, s and V.
 fn limits(job: &Job<'_>, drone: usize) -> Value {
     let checks = job.checks;
     let platform = checks.platform;
@@ -265,8 +269,9 @@ fn decks(plan: &Plan, positioning: Positioning) -> Vec<(&'static str, Vec<&'stat
     decks
 }
 
-/// Returns the corners of the rectangle around all letters, counterclockwise from the lower left.
-/// The list is empty if the plans have no letters. All letters are in one plane of constant y.
+/// Returns the corners in m of the rectangle around all letters, counterclockwise from the lower
+/// left. The list is empty if the plans have no letters. All letters are in one plane of constant
+/// y.
 fn corners_m(plans: &[Plan]) -> Vec<[f64; 3]> {
     let setpoints = plans.iter().flat_map(|plan| &plan.setpoints);
     let mut written = setpoints.filter(|setpoint| setpoint.letter.is_some()).peekable();
@@ -275,7 +280,8 @@ fn corners_m(plans: &[Plan]) -> Vec<[f64; 3]> {
     [[left, low], [right, low], [right, high], [left, high]].map(|[x, z]| [x, y, z]).into()
 }
 
-/// Returns a controller's number in the firmware (`controller.h`), or `None` if it lacks it.
+/// Returns a controller's number in the firmware (`controller.h`), or `None` if the firmware lacks
+/// it.
 pub(super) fn firmware_controller(kind: ControllerKind) -> Option<u32> {
     match kind.law() {
         Law::Cascade => Some(1),
@@ -298,7 +304,7 @@ pub(super) fn fits_the_radio(plan: &Plan) -> bool {
     setpoints(plan, f64::INFINITY).is_ok_and(|rows| !rows.is_empty())
 }
 
-/// Returns true if setpoint `to` is redundant after `from`, because it sends the same position, or
+/// True if setpoint `to` is redundant after setpoint `from`, because it sends the same position, or
 /// because its position is on the path that starts at `from`.
 fn continues(plan: &Plan, from: usize, to: usize) -> bool {
     let (a, b) = (&plan.setpoints[from], &plan.setpoints[to]);
@@ -307,8 +313,8 @@ fn continues(plan: &Plan, from: usize, to: usize) -> bool {
 }
 
 /// Returns the airborne setpoints to send until `end_s`, each as `[time, position sent, velocity,
-/// acceleration]`. Setpoints less than [`MIN_INTERVAL_S`] after another one are omitted if
-/// redundant. Otherwise they are an error.
+/// acceleration]` in SI units. Setpoints less than [`MIN_INTERVAL_S`] after another one are omitted
+/// if redundant. Otherwise they are [`Error::Infeasible`].
 fn setpoints(plan: &Plan, end_s: f64) -> Result<Vec<Value>> {
     let mut kept: Vec<usize> = Vec::new();
     for (row, setpoint) in plan.setpoints.iter().enumerate() {

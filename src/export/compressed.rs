@@ -25,6 +25,10 @@ use noctograph_plan::Plan;
 const MAX_PIECE_S: f64 = 65.535;
 /// Maximum coordinate, m: the largest int16 in mm.
 const MAX_COORDINATE_M: f64 = 32.767;
+/// Number of millimeters in a meter, in which the format stores coordinates.
+const MM_PER_M: f64 = 1e3;
+/// Number of milliseconds in a second, in which the format stores durations.
+const MS_PER_S: f64 = 1e3;
 /// Maximum error of an axis stored as a constant, m.
 const CONSTANT_M: f64 = 0.0005;
 /// Maximum error of an axis stored as a line, m.
@@ -102,7 +106,7 @@ impl Compressed {
     }
 
     /// Encodes a stretch to within `tolerance_m` of its design, for a memory of any size. Returns
-    /// an error for a stretch that exceeds the numeric range of the format.
+    /// [`Error::Infeasible`] for a stretch that exceeds the numeric range of the format.
     pub(super) fn of_any_length(stretch: &Stretch, tolerance_m: f64) -> Result<Self> {
         check_range(stretch)?;
         let start_mm = millimeters(&stretch.setpoints[0].position_m);
@@ -113,7 +117,8 @@ impl Compressed {
         Ok(Self { pieces, yaw: tenths_of_degrees(stretch.yaw_rad) })
     }
 
-    /// Returns the bytes that the drone stores.
+    /// Returns the bytes that the drone stores: the start, the pieces, and an empty piece at the
+    /// end.
     pub fn to_bytes(&self) -> Vec<u8> {
         let start_mm = self.pieces.first().map_or([0; 3], |piece| piece.start_mm);
         let mut bytes = start_mm.map(i16::to_le_bytes).concat();
@@ -132,8 +137,8 @@ impl Compressed {
     }
 
     /// Returns the bytes of a flight from take-off to landing, after which the firmware stops the
-    /// motors. The script lands `over_s` after the end of the trajectory. Returns an error for a
-    /// flight that exceeds the memory.
+    /// motors. The script lands `over_s` after the end of the trajectory. Returns
+    /// [`Error::Infeasible`] for a flight that exceeds the memory.
     pub(super) fn flight(&self, timeline: &Timeline, over_s: f64) -> Result<Vec<u8>> {
         // The bytes are take-off and path, letters without start and end bytes, hover and landing.
         let mut bytes = millimeters(&timeline.before[0].position_m).map(i16::to_le_bytes).concat();
@@ -166,10 +171,10 @@ impl Compressed {
         self.pieces.iter().map(Piece::polynomials).collect()
     }
 
-    /// Returns the first and the last position, m.
+    /// Returns the first and the last position of the pieces, m.
     pub(super) fn ends_m(&self) -> [Vector3<f64>; 2] {
         let (first, last) = (&self.pieces[0], &self.pieces[self.pieces.len() - 1]);
-        [first.start_mm, last.end_mm()].map(|mm| Vector3::from(mm.map(f64::from)) / 1e3)
+        [first.start_mm, last.end_mm()].map(|mm| Vector3::from(mm.map(f64::from)) / MM_PER_M)
     }
 
     /// Returns the pieces as Bézier curves, each with its duration, s, and four control points, m.
@@ -187,10 +192,10 @@ fn control_mm(start_mm: i16, points_mm: &[i16]) -> [f64; 4] {
     }
 }
 
-/// Returns the coefficients of an axis in ascending powers of time, in m and s.
+/// Returns the eight coefficients of an axis in ascending powers of time, in m and s.
 fn polynomial(start_mm: i16, points_mm: &[i16], duration_s: f64) -> [f64; 8] {
     // The Bernstein basis is converted to powers of t/T, and then to powers of t.
-    let [a, b, c, d] = control_mm(start_mm, points_mm).map(|mm| mm / 1000.0);
+    let [a, b, c, d] = control_mm(start_mm, points_mm).map(|mm| mm / MM_PER_M);
     let unit = [a, 3.0 * (b - a), 3.0 * (a - 2.0 * b + c), d - 3.0 * c + 3.0 * b - a];
     let (t, t2) = (duration_s, duration_s * duration_s);
     [unit[0], unit[1] / t, unit[2] / t2, unit[3] / (t2 * t), 0.0, 0.0, 0.0, 0.0]
@@ -207,9 +212,9 @@ impl Piece {
         [0, 1, 2].map(|k| *self.axes[k].last().unwrap_or(&self.start_mm[k]))
     }
 
-    /// Returns the motion that the firmware computes from this piece.
+    /// Returns the motion that the firmware computes from this piece, in m and s.
     fn polynomials(&self) -> Polynomials {
-        let duration_s = f64::from(self.duration_ms) / 1000.0;
+        let duration_s = f64::from(self.duration_ms) / MS_PER_S;
         let axes = [0, 1, 2].map(|k| polynomial(self.start_mm[k], &self.axes[k], duration_s));
         Polynomials { duration_s, axes }
     }
@@ -217,12 +222,13 @@ impl Piece {
     /// Returns the four control points of the piece as a Bézier curve, m.
     fn curve_m(&self) -> [Vector3<f64>; 4] {
         let axes = [0, 1, 2].map(|axis| control_mm(self.start_mm[axis], &self.axes[axis]));
-        [0, 1, 2, 3].map(|k| Vector3::from(axes.map(|axis| axis[k])) / 1000.0)
+        [0, 1, 2, 3].map(|k| Vector3::from(axes.map(|axis| axis[k])) / MM_PER_M)
     }
 }
 
-/// Returns the piece between setpoints `from` and `to`. Each axis has the simplest form that is
-/// close enough to the design: a constant, a line or a cubic.
+/// Returns the piece between setpoints `from` and `to`, which begins where the previous one ended.
+/// Each axis has the simplest form that is close enough to the design: a constant, a line or a
+/// cubic.
 fn piece(
     stretch: &Stretch,
     [from, to]: [usize; 2],
@@ -230,10 +236,10 @@ fn piece(
     rounding: Rounding,
 ) -> Piece {
     // Differences of rounded times do not drift.
-    let times_ms = [from, to].map(|index| (stretch.time_s(index) * 1000.0).round());
+    let times_ms = [from, to].map(|index| (stretch.time_s(index) * MS_PER_S).round());
     #[expect(clippy::cast_possible_truncation, reason = "below 65 535, see `check_range`")]
     let duration_ms = ((times_ms[1] - times_ms[0]) as u16).max(1);
-    let duration_s = f64::from(duration_ms) / 1000.0;
+    let duration_s = f64::from(duration_ms) / MS_PER_S;
     let (start, end) = (&stretch.setpoints[from], &stretch.setpoints[to]);
     let axes = [0, 1, 2].map(|axis| {
         // A constant or a line is used if it is close enough to the design.
@@ -250,8 +256,8 @@ fn piece(
         let third_s = duration_s / 3.0;
         let [from_start_m, to_end_m] = [start, end].map(|s| s.velocity_m_s[axis] * third_s);
         let cubic_mm = [
-            round_mm(f64::from(start_mm[axis]) / 1000.0 + from_start_m),
-            round_mm(f64::from(end_mm) / 1000.0 - to_end_m),
+            round_mm(f64::from(start_mm[axis]) / MM_PER_M + from_start_m),
+            round_mm(f64::from(end_mm) / MM_PER_M - to_end_m),
             end_mm,
         ];
         match (simple, rounding) {
@@ -276,7 +282,8 @@ fn gentlest(start_mm: i16, [b, c, end_mm]: [i16; 3]) -> [i16; 3] {
     gentlest.expect("nine cubics")
 }
 
-/// Returns an error if setpoints are too far apart in time, or coordinates are out of range.
+/// Returns [`Error::Infeasible`] if setpoints are too far apart in time for the format, or if
+/// coordinates are out of its range.
 fn check_range(stretch: &Stretch) -> Result<()> {
     for (index, setpoint) in stretch.setpoints.iter().enumerate() {
         let step_s = stretch.time_s(index) - stretch.time_s(index.saturating_sub(1));
@@ -299,7 +306,7 @@ fn check_range(stretch: &Stretch) -> Result<()> {
     Ok(())
 }
 
-/// Returns a heading in tenths of a degree.
+/// Returns a heading in tenths of a degree, as the format stores it.
 #[expect(clippy::cast_possible_truncation, reason = "a turn at most, and it saturates")]
 fn tenths_of_degrees(yaw_rad: f64) -> i16 {
     (10.0 * yaw_rad.to_degrees()).round() as i16
@@ -310,7 +317,7 @@ pub(super) fn flies_heading(release: Release, yaw_rad: f64) -> bool {
     release.has(&Feature::HEADING) || tenths_of_degrees(yaw_rad) == 0
 }
 
-/// Returns an error for a heading that a release misreads ([`Feature::HEADING`]).
+/// Returns [`Error::Input`] for a heading that a release misreads ([`Feature::HEADING`]).
 fn check_heading(release: Release, yaw_rad: f64) -> Result<()> {
     if flies_heading(release, yaw_rad) {
         return Ok(());
@@ -337,7 +344,7 @@ fn check_heading(release: Release, yaw_rad: f64) -> Result<()> {
 /// 0 ms is omitted, because a duration of 0 ends a trajectory.
 fn add_segment(bytes: &mut Vec<u8>, segment: &Segment) {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it saturates")]
-    let mut remaining_ms = (1e3 * segment.duration_s).round() as u32;
+    let mut remaining_ms = (MS_PER_S * segment.duration_s).round() as u32;
     let ends_mm = segment.ends_m.each_ref().map(millimeters);
     while remaining_ms > 0 {
         let piece_ms = u16::try_from(remaining_ms).unwrap_or(u16::MAX);
@@ -358,10 +365,10 @@ fn millimeters(position_m: &Vector3<f64>) -> [i16; 3] {
     [0, 1, 2].map(|axis| round_mm(position_m[axis]))
 }
 
-/// Returns a coordinate in whole millimeters. Control points beyond the range saturate.
+/// Returns a coordinate in whole millimeters. Coordinates beyond ±32.767 m become the limit.
 #[expect(clippy::cast_possible_truncation, reason = "saturates")]
 fn round_mm(x_m: f64) -> i16 {
-    (x_m * 1000.0).round() as i16
+    (x_m * MM_PER_M).round() as i16
 }
 
 #[cfg(test)]

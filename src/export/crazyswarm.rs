@@ -30,7 +30,9 @@ const SCRIPT: &str = include_str!("crazyswarm.py");
 const LOGGED: &str = "\"kalman.varPX\", \"kalman.varPY\", \"kalman.varPZ\", \
                       \"stateEstimate.roll\", \"stateEstimate.pitch\", \"stateEstimate.yaw\"";
 
-/// Returns all files for Crazyswarm2, or an error for a drone or controller it cannot fly.
+/// Returns all files for Crazyswarm2: a trajectory for each drone, `crazyflies.yaml`, and the
+/// script. Returns [`Error::Input`] for a drone or controller that it cannot fly, and the errors of
+/// [`Poly4d::fit`].
 pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
     let (controller, platform) = firmware(job)?;
     // Each drone has a trajectory and an entry. All trajectories start together.
@@ -74,9 +76,9 @@ pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
     Ok(files)
 }
 
-/// Returns the firmware's number for the scene's controller, and the kind of drone. Returns an
-/// error for controllers and drones that the firmware does not support, and for a plan made for a
-/// different clock.
+/// Returns the firmware's number for the scene's controller, and the kind of drone. Returns
+/// [`Error::Input`] for controllers and drones that the firmware does not support, and for a plan
+/// made for a different clock.
 fn firmware(job: &Job<'_>) -> Result<(u32, Platform)> {
     let (kind, clock) = (job.sim.controller.kind, job.trajectory_clock);
     // Lamps are timed under the scene's controller, so no other controller may be used.
@@ -105,7 +107,8 @@ fn end_s(job: &Job<'_>, drone: usize, stretch: &Stretch) -> Result<f64> {
 }
 
 /// Returns a drone's entry in the JSON that the script reads: parameters to set before and after
-/// the estimator's reset, light commands, and commands that turn all lamps off.
+/// the estimator's reset, light commands, and commands that turn all lamps off. `csv` is the name
+/// of its trajectory's file. `start_s` is the take-off's time by the plans' clock.
 fn entry(
     job: &Job<'_>,
     index: usize,
@@ -144,7 +147,8 @@ fn entry(
     }))
 }
 
-/// Returns Crazyswarm2's `crazyflies.yaml` for the drones of a job.
+/// Returns Crazyswarm2's `crazyflies.yaml` for the drones of a job. `controller` is a number in the
+/// firmware.
 fn yaml(job: &Job<'_>, controller: u32, platform: Platform) -> String {
     let kind = match platform {
         Platform::Crazyflie2 => "cf21",

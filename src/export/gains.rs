@@ -20,7 +20,8 @@ use noctograph_sim::{Law, SimOptions};
 
 type Parameters = Vec<(String, f64)>;
 
-/// Returns the firmware parameters for the scene's controller. Empty if the firmware lacks it.
+/// Returns the names and values of the firmware parameters for the scene's controller. The list is
+/// empty if the firmware lacks the controller.
 pub(super) fn parameters(sim: &SimOptions) -> Parameters {
     match sim.controller.kind.law() {
         Law::Geometric => lee(sim),
@@ -29,7 +30,7 @@ pub(super) fn parameters(sim: &SimOptions) -> Parameters {
     }
 }
 
-/// Returns the parameters of the firmware's geometric controller (Lee).
+/// Returns the parameters of the firmware's geometric controller (`controller_lee.c`), in SI units.
 fn lee(sim: &SimOptions) -> Parameters {
     let (k, vehicle) = (&sim.controller.geometric, &sim.vehicle);
     let mut parameters = Vec::new();
@@ -51,7 +52,8 @@ fn lee(sim: &SimOptions) -> Parameters {
 }
 
 /// Returns the parameters of the firmware's Mellinger controller with the stiffness and damping of
-/// the scene's geometric controller.
+/// the scene's geometric controller. Forces and torques are in the units of motor commands, 0 to
+/// 65535.
 fn mellinger(sim: &SimOptions) -> Parameters {
     let (k, vehicle) = (&sim.controller.geometric, &sim.vehicle);
     let mass_kg = vehicle.mass_kg;
@@ -81,7 +83,8 @@ fn mellinger(sim: &SimOptions) -> Parameters {
     gains.into_iter().map(|(name, axis, gain)| (format!("ctrlMel.{name}{axis}"), gain)).collect()
 }
 
-/// Returns the gains of the firmware's PID cascade.
+/// Returns the gains of the firmware's PID cascade in the firmware's own units, and its thrust at
+/// hover.
 fn pid(sim: &SimOptions) -> Parameters {
     let names = [
         ("posCtlPid", ["xK", "yK", "zK"]),
@@ -105,7 +108,8 @@ fn object(parameters: Parameters) -> Map<String, serde_json::Value> {
     parameters.into_iter().map(|(name, gain)| (name, json!(gain))).collect()
 }
 
-/// Returns `gains.json` with parameters, or `gains.h` for state feedback, or else an error.
+/// Returns `gains.json` with parameters, or `gains.h` for state feedback. Returns [`Error::Input`]
+/// for controllers without gains.
 pub(super) fn files(sim: &SimOptions) -> Result<Vec<File>> {
     let kind = sim.controller.kind;
     let json = match kind.law() {
@@ -130,7 +134,7 @@ pub(super) fn files(sim: &SimOptions) -> Result<Vec<File>> {
     Ok(vec![File::new("gains.json", format!("{json:#}\n"))])
 }
 
-/// Returns a C header with the gain matrices of the regulator and the observer.
+/// Returns a C header with the gain matrices of the regulator and the observer, in SI units.
 fn header(design: &Design, sim: &SimOptions) -> String {
     let k = design.k.as_ref().expect("a regulator has a gain");
     format!(
@@ -148,7 +152,7 @@ fn header(design: &Design, sim: &SimOptions) -> String {
     )
 }
 
-/// Returns the C definition of a matrix as a constant array.
+/// Returns the C definition of a matrix as a constant array, with nine digits after the point.
 fn table(name: &str, matrix: &DMatrix<f64>) -> String {
     let rows = matrix.row_iter().map(|row| {
         let entries: Vec<String> = row.iter().map(|entry| format!("{entry:.9e}f")).collect();

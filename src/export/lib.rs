@@ -97,8 +97,8 @@ pub struct Job<'a> {
 }
 
 impl Format {
-    /// Returns the form and the allowed length of the trajectory in this format's files, or `None`
-    /// if they send setpoints or do not fly a drone.
+    /// Returns the form and the allowed length of the trajectory in this format's files. Returns
+    /// `None` if the files send setpoints or do not fly a drone.
     pub fn trajectory(self, mode: Mode) -> Option<(Form, Length)> {
         match self {
             Self::Cflib if mode != Mode::Trajectory => None,
@@ -144,7 +144,8 @@ impl Job<'_> {
         if self.plans.len() > 1 { format!("-{}", drone + 1) } else { String::new() }
     }
 
-    /// Returns the light commands of a drone that flies a trajectory, timed by its plan's clock.
+    /// Returns the light commands of a drone that flies a trajectory, timed in s by its plan's
+    /// clock.
     fn trajectory_lights(&self, drone: usize) -> Result<Vec<lights::Command>> {
         let Some(flown) = self.flown.get(drone) else {
             return lights::commands(&self.plans[drone], self.light);
@@ -172,8 +173,8 @@ fn ascii(json: &Value) -> String {
     text
 }
 
-/// Inserts the reason not to fly a script as a comment below its first line. If the script is safe
-/// to fly, returns it unchanged.
+/// Inserts the reason not to fly a script as a comment below its first line. Returns a script that
+/// is safe to fly unchanged.
 fn with_caution(job: &Job<'_>, script: String) -> String {
     let Some(reason) = job.unsafe_because else { return script };
     let (first, rest) = script.split_once('\n').expect("a script has lines");
@@ -263,7 +264,8 @@ pub struct Memory {
     pub fits_all: bool,
 }
 
-/// Returns the trajectory memory that a plan requires, and the formats in which a release flies it.
+/// Returns the trajectory memory that a plan requires, in bytes and pieces, and the formats in
+/// which a release flies it.
 ///
 /// # Errors
 ///

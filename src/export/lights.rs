@@ -53,7 +53,8 @@ struct Target<'a> {
 }
 
 impl<'a> Target<'a> {
-    /// Finds the parameter for a deck's channel or a custom lamp, or returns an error for others.
+    /// Finds the firmware parameter for a deck's channel or a custom lamp. Returns [`Error::Input`]
+    /// for other channels.
     fn new(channel: &str, fixtures: &'a [Fixture]) -> Result<Self> {
         if let Some(Channel { parameter, colors, .. }) = Channel::named(channel) {
             return Ok(Self { parameter, colors, most: 1 });
@@ -68,7 +69,8 @@ impl<'a> Target<'a> {
         })
     }
 
-    /// Returns the command that sets a level from 0 to 1, in color `wrgb` for a lamp with colors.
+    /// Returns the command that sets a level from 0 to 1 at `time_s`. A lamp with colors shows
+    /// `wrgb` at that level.
     fn command(&self, time_s: f64, channel: &str, level: f64, wrgb: [u8; 4]) -> Command {
         #[expect(clippy::cast_possible_truncation, reason = "0 to its most")]
         let (value, level) = match (self.colors.len(), self.most) {
@@ -92,8 +94,9 @@ pub fn switches<'a>(plan: &'a Plan, options: &LightOptions) -> Vec<&'a str> {
     }))
 }
 
-/// Returns the color of a lamp at setpoint `row` in white, red, green and blue. The color is taken
-/// from the plan's color channels or, if there are none, from the letter. A ring has no white.
+/// Returns the color of a lamp at setpoint `row` in white, red, green and blue, each 0 to 255. The
+/// color is taken from the plan's color channels or, if there are none, from the letter. A ring has
+/// no white.
 fn color(
     plan: &Plan,
     channel: &str,
@@ -112,7 +115,7 @@ fn color(
     })
 }
 
-/// Returns a level from 0 to 1 as a byte.
+/// Returns a level from 0 to 1 as a byte from 0 to 255. Levels beyond the range become its ends.
 #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
 fn byte(level: f64) -> u8 {
     (255.0 * level.clamp(0.0, 1.0)).round() as u8
@@ -128,6 +131,7 @@ pub fn commands(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
     let (letters, fixtures) = (noctograph_plan::light_letters(plan), options.fixtures());
     for (channel, levels) in plan.lamps() {
         let target = Target::new(channel, &fixtures)?;
+        // A lamp is dark before the first setpoint, so a first command may be superfluous.
         let mut value = target.command(0.0, channel, 0.0, [0; 4]).value;
         for (row, (setpoint, level)) in plan.setpoints.iter().zip(levels).enumerate() {
             let wrgb = color(plan, channel, row, letters[row], options);
@@ -153,8 +157,8 @@ pub fn dark(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
     targets.map(|(channel, target)| Ok(target?.command(0.0, channel, 0.0, [0; 4]))).collect()
 }
 
-/// Returns the parameters to set before the flight, after which the plan's lamps are ready but
-/// dark, and other lamps are off.
+/// Returns the names and values of the parameters to set before the flight. With them, the plan's
+/// lamps are ready but dark, and other lamps are off.
 pub(crate) fn preparation(plan: &Plan, options: &LightOptions) -> Result<Vec<(String, u32)>> {
     let mut parameters: Vec<(String, u32)> = vec![("led.bitmask".to_owned(), BOARD_DARK)];
     let fixtures = options.fixtures();

@@ -34,8 +34,8 @@ settings! {
 }
 
 impl Form {
-    /// Returns the default tolerance, m. It is larger for polynomials of degree 7, which require
-    /// more memory for the same accuracy.
+    /// Returns the default distance from the design, m. It is larger for polynomials of degree 7,
+    /// which require more memory for the same accuracy.
     pub fn tolerance_m(self) -> f64 {
         match self {
             Self::Compressed => 0.002,
@@ -98,7 +98,8 @@ pub fn check_memory(release: Release, plans: &[Plan], form: Form, tolerance_m: f
     plans.iter().try_for_each(fits)
 }
 
-/// Returns the pieces of a plan's trajectory, or an error if the trajectory does not fit.
+/// Returns the pieces of a plan's trajectory, each at most `tolerance_m` from the design. Returns
+/// the errors of [`Compressed::encode`] or [`Poly4d::fit`].
 pub(super) fn pieces(
     release: Release,
     plan: &Plan,
@@ -119,7 +120,8 @@ pub(super) fn pieces(
 }
 
 /// Returns the plan that a drone flies with an onboard trajectory, regardless of other drones.
-/// `trajectory_m` returns the trajectory's position at a time since its start.
+/// `first_start_s` is the start of the first of all trajectories by the plans' clock.
+/// `trajectory_m` returns the trajectory's position at a time in s since its start.
 fn flown_alone(
     plan: &Plan,
     first_start_s: f64,
@@ -150,7 +152,8 @@ fn flown_alone(
     Plan::new(out)
 }
 
-/// Returns the times of a flown plan: uniform steps, and the times of light changes.
+/// Returns the times of a flown plan in s since take-off: uniform steps, and the times of light
+/// changes.
 fn sample_times_s(plan: &Plan, timeline: &Timeline) -> Vec<f64> {
     let end_s = timeline.after[1].time_s;
     #[expect(clippy::cast_possible_truncation, reason = "an hour at most")]
@@ -163,7 +166,8 @@ fn sample_times_s(plan: &Plan, timeline: &Timeline) -> Vec<f64> {
     times_s
 }
 
-/// Returns position, velocity, acceleration and jerk of a path at `time_s`, in m and s.
+/// Returns position in m, velocity in m/s, acceleration in m/s² and jerk in m/s³ of a path at
+/// `time_s`.
 fn derivatives(time_s: f64, position_m: impl Fn(f64) -> Vector3<f64>) -> [Vector3<f64>; 4] {
     // Forward differences are used, because a piece may begin here. The velocity is (4b - 3a - c) /
     // 2h, of second order, the acceleration (a - 2b + c) / h², and the jerk the third difference.

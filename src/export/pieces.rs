@@ -44,8 +44,8 @@ pub(super) struct Stretch {
 }
 
 impl Stretch {
-    /// Returns the stretch of a plan. Returns an error for a plan without letters, and for one that
-    /// descends to the floor between take-off and landing.
+    /// Returns the stretch of a plan. Returns [`Error::Input`] for a plan without letters, and
+    /// [`Error::Infeasible`] for one that descends to the floor between take-off and landing.
     pub(super) fn new(plan: &Plan) -> Result<Self> {
         let first = plan.setpoints.iter().position(|setpoint| setpoint.letter.is_some());
         let last = plan.setpoints.iter().rposition(|setpoint| setpoint.letter.is_some());
@@ -120,7 +120,7 @@ impl Stretch {
         }
     }
 
-    /// Returns the position of the design at a time since the start, m.
+    /// Returns the position of the design at a time in s since the start of the stretch, m.
     pub(super) fn position_m(&self, time_s: f64) -> Vector3<f64> {
         let plan_time_s = time_s + self.start_s();
         let after = self.setpoints.partition_point(|setpoint| setpoint.time_s <= plan_time_s);
@@ -152,8 +152,9 @@ impl Stretch {
         worst_m
     }
 
-    /// Returns the error for a trajectory that exceeds the drone's memory, with the number of
-    /// letters that end before `until_s`. `needs` states the memory required.
+    /// Returns [`Error::Infeasible`] for a trajectory that exceeds the drone's memory. It states
+    /// the number of letters that end before `until_s`, in s since the start. `needs` states the
+    /// memory required.
     pub(super) fn too_long(&self, until_s: f64, needs: &str, hint: &str) -> Error {
         let [begun, total] = [until_s, f64::INFINITY].map(|until_s| {
             let flown = self.setpoints.iter().filter(|s| s.time_s - self.start_s() < until_s);
@@ -189,8 +190,9 @@ pub(super) struct Polynomials {
 }
 
 impl Polynomials {
-    /// Returns the motion from rest to rest, with zero jerk at its ends, that the firmware uses for
-    /// take-off and landing (`pptraj.c`, `poly7_nojerk`).
+    /// Returns the motion that the firmware uses for take-off and landing (`pptraj.c`,
+    /// `poly7_nojerk`). It leads from rest to rest between two positions, with zero jerk at its
+    /// ends.
     pub(super) fn from_rest_to_rest([from_m, to_m]: [Vector3<f64>; 2], duration_s: f64) -> Self {
         let path_m = to_m - from_m;
         let axes = [0, 1, 2].map(|axis| {
@@ -208,7 +210,8 @@ impl Polynomials {
         Self { duration_s, axes }
     }
 
-    /// Returns position, velocity and acceleration at `t` s since the start, in m and s.
+    /// Returns position in m, velocity in m/s and acceleration in m/s² at `t` s since the start of
+    /// the piece.
     pub(super) fn evaluate(&self, t: f64) -> [Vector3<f64>; 3] {
         // Horner's scheme yields the value, the first derivative and half of the second derivative.
         let axes = self.axes.map(|c| {
@@ -219,8 +222,8 @@ impl Polynomials {
     }
 }
 
-/// Returns position, velocity and acceleration of consecutive pieces at a time since their start.
-/// After the last piece the drone rests at its end.
+/// Returns position in m, velocity in m/s and acceleration in m/s² of consecutive pieces at a time
+/// since their start. After the last piece the drone rests at its end.
 pub(super) fn motion(pieces: &[Polynomials], time_s: f64) -> [Vector3<f64>; 3] {
     let (mut since_start_s, mut end) = (time_s.max(0.0), [Vector3::zeros(); 3]);
     for piece in pieces {
@@ -314,7 +317,7 @@ struct Fit<'a, P> {
 }
 
 impl<P> Fit<'_, P> {
-    /// Returns true if a piece is short enough and close enough to the design.
+    /// True if a piece between two setpoints is short enough and close enough to the design.
     fn is_near(&self, from: usize, to: usize, previous: &[P], rounding: Rounding) -> bool {
         let motion = (self.motion)(from, to, previous, rounding);
         let start_s = self.stretch.time_s(from);
@@ -331,7 +334,7 @@ impl<P> Fit<'_, P> {
         gallop(from + 1, last, |to| self.is_near(from, to, previous, Rounding::Nearest))
     }
 
-    /// Returns the maximum speed or acceleration of a piece relative to the design's.
+    /// Returns the maximum speed or acceleration of a piece, as a multiple of the design's maximum.
     fn effort(&self, from: usize, to: usize, previous: &[P], rounding: Rounding) -> f64 {
         let motion = (self.motion)(from, to, previous, rounding);
         let [max_m_s, max_m_s2] = self.limits;
@@ -366,15 +369,16 @@ impl<P> Fit<'_, P> {
         })
     }
 
-    /// Returns the index of the last piece that can be shortened, and its new end.
+    /// Returns the index of the last piece that can be shortened, and the index of the setpoint at
+    /// its new end. Returns `None` if no piece can be shortened.
     fn backtrack(&self, choices: &mut [Choice], pieces: &[P]) -> Option<(usize, usize)> {
         (0..pieces.len())
             .rev()
             .find_map(|index| Some((index, self.longest(&mut choices[index], &pieces[..index])?)))
     }
 
-    /// Returns the end and the rounding of the piece with the least effort among those that are
-    /// close enough. A piece to the next setpoint is always accepted.
+    /// Returns the setpoint at the end and the rounding of the piece with the least effort among
+    /// those that are close enough. A piece to the next setpoint is always accepted.
     fn gentlest(&self, from: usize, previous: &[P]) -> Option<(usize, Rounding)> {
         let candidates = (from + 1..=self.farthest(from, previous))
             .flat_map(|to| [Rounding::Nearest, Rounding::Gentlest].map(|rounding| (to, rounding)));

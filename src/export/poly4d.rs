@@ -82,8 +82,9 @@ impl Poly4d {
         Ok(Self { pieces, yaw_rad: plan.yaw_rad })
     }
 
-    /// Returns the flight from take-off to landing, or an error if it exceeds the memory. The
-    /// script lands `over_s` after the end of the trajectory.
+    /// Returns the flight from take-off to landing. The script lands `over_s` after the end of the
+    /// trajectory. Returns [`noctograph_core::error::Error::Infeasible`] if the flight exceeds the
+    /// memory.
     ///
     /// The firmware stops the motors after the flight: the last piece is NaN, so the onboard
     /// commander outputs no more setpoints (`crtp_commander_high_level.c`, "invalid eval"), and the
@@ -112,7 +113,8 @@ impl Poly4d {
         [first.evaluate(0.0)[0], last.evaluate(last.duration_s)[0]]
     }
 
-    /// Returns the bytes that the drone stores.
+    /// Returns the bytes that the drone stores: 33 numbers of four bytes for each piece, which are
+    /// eight coefficients each for x, y, z and yaw, and the duration in s.
     pub fn to_bytes(&self) -> Vec<u8> {
         let numbers = self.pieces.iter().flat_map(|piece| {
             let axes = piece.axes.into_iter().chain([constant(self.yaw_rad)]).flatten();
@@ -146,7 +148,8 @@ fn constant(value: f64) -> Polynomial {
     [value, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
 }
 
-/// Returns the piece between two setpoints: a quintic, plus two least-squares terms.
+/// Returns the piece between two setpoints: a quintic through the design's states at both, plus two
+/// terms that fit the positions between them in the least-squares sense.
 fn fit(stretch: &Stretch, from: usize, to: usize) -> Polynomials {
     // The initial piece is the quintic Hermite interpolation between both ends.
     let duration_s = stretch.time_s(to) - stretch.time_s(from);
@@ -181,8 +184,8 @@ fn fit(stretch: &Stretch, from: usize, to: usize) -> Polynomials {
     piece
 }
 
-/// Returns the quintic Hermite polynomial with duration `t`, and with position, velocity and
-/// acceleration `p, v, a` at the start and `q, w, b` at the end.
+/// Returns the quintic Hermite polynomial with duration `t` in s, and with position, velocity and
+/// acceleration `p, v, a` at the start and `q, w, b` at the end, in m and s.
 fn quintic([[p, v, a], [q, w, b]]: [[f64; 3]; 2], t: f64) -> Polynomial {
     // A motion with constant acceleration would miss the end by the position d, the velocity e/t
     // and the acceleration f/t².
@@ -202,7 +205,7 @@ fn quintic([[p, v, a], [q, w, b]]: [[f64; 3]; 2], t: f64) -> Polynomial {
     ]
 }
 
-/// Adds `64 s³(1−s)³ (c₀ + c₁(2s − 1))` with s = t/T to a polynomial in t.
+/// Adds `64 s³(1−s)³ (c₀ + c₁(2s − 1))` with s = t/T to a polynomial in t. `c` is in m.
 fn add_bumps(axis: &mut Polynomial, c: Vector2<f64>, duration_s: f64) {
     // The terms are s³(1−s)³ = s³ − 3s⁴ + 3s⁵ − s⁶, and 2s⁴(1−s)³ − s³(1−s)³ = −s³ + 5s⁴ − 9s⁵ +
     // 7s⁶ − 2s⁷.

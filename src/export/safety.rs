@@ -96,8 +96,8 @@ pub fn variance_m2(positioning: Positioning) -> f64 {
     }
 }
 
-/// Returns true if a voltage is never below `low_v` for [`LOW_BATTERY_S`] without interruption.
-/// `voltages` contains pairs of time and voltage.
+/// True if a voltage is never below `low_v` for [`LOW_BATTERY_S`] without interruption. `voltages`
+/// contains pairs of time in s and voltage in V.
 fn lasts(voltages: impl Iterator<Item = (f64, f64)>, low_v: f64) -> bool {
     let mut low_since_s = None;
     for (time_s, voltage_v) in voltages {
@@ -171,22 +171,25 @@ struct Load {
     drop_v: f64,
 }
 
-/// Returns the loads implied by the times and voltages of a flight.
+/// Number of seconds in an hour.
+const S_PER_H: f64 = 3600.0;
+
+/// Returns the loads implied by the times in s and voltages in V of a flight.
 fn loads(options: &BatteryOptions, voltages: &[(f64, f64)]) -> Vec<Load> {
     let (mut used_frac, mut previous_s) = (0.0, voltages.first().map_or(0.0, |first| first.0));
     let loads = voltages.iter().map(|(time_s, voltage_v)| {
         let open_v = options.open_circuit_v((options.charge_frac - used_frac).max(0.0));
         let drop_v = open_v - voltage_v;
-        // The current is I = U/R, and the charge is its integral over time, with 3600 s per hour.
+        // The current is I = U/R, and the charge is its integral over time.
         let current_a = drop_v / options.resistance_ohm;
-        used_frac += current_a * (time_s - previous_s) / (3600.0 * options.capacity_ah);
+        used_frac += current_a * (time_s - previous_s) / (S_PER_H * options.capacity_ah);
         previous_s = *time_s;
         Load { time_s: *time_s, used_frac, drop_v }
     });
     loads.collect()
 }
 
-/// Returns the minimum charge from which the battery lasts under the loads, by binary search, as a
+/// Returns the minimum charge from which the battery stays above `low_v` under the loads, as a
 /// fraction of the capacity. Returns `None` if a full battery does not last.
 fn least_charge_frac(options: &BatteryOptions, loads: &[Load], low_v: f64) -> Option<f64> {
     let (mut least_frac, mut low, mut high) = (None, 0, CHARGE_STEPS + 1);

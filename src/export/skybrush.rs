@@ -60,14 +60,16 @@ pub(super) fn show(job: &Job<'_>) -> Result<File> {
     Ok(File { name: format!("{}.skyc", stem(job.word)), bytes: zip(&[file]) })
 }
 
-/// Returns a segment from rest to rest. It has two control points, or none without motion.
+/// Returns a segment from rest to rest in the form of Skybrush: its end's time in s, its end in m,
+/// and its control points in m. It has two control points, or none without motion.
 fn segment(from_m: Vector3<f64>, to: Rest) -> Value {
     let to_m = to.position_m;
     let control_m = if from_m == to_m { vec![] } else { vec![from_m.as_slice(), to_m.as_slice()] };
     json!([to.time_s, to_m.as_slice(), control_m])
 }
 
-/// Returns a drone of a Skybrush show, with trajectory, lights and home.
+/// Returns a drone of a Skybrush show, with trajectory, lights and home. Returns the errors of a
+/// trajectory of any length.
 fn drone(job: &Job<'_>, index: usize, plan: &Plan, first_start_s: f64) -> Result<Value> {
     let stretch = Stretch::new(plan)?;
     let trajectory = Compressed::of_any_length(&stretch, job.tolerance_m)?;
@@ -104,7 +106,7 @@ fn drone(job: &Job<'_>, index: usize, plan: &Plan, first_start_s: f64) -> Result
 }
 
 /// Encodes the light program of a drone, which is initially dark. Each change consists of a time
-/// since the take-off command, s, and the color from then on.
+/// since the take-off command, s, and the sRGB color from then on.
 fn program(changes: &[(f64, [u8; 3])]) -> Vec<u8> {
     let mut colors = vec![(0, [0; 3])];
     for (time_s, color) in changes {
@@ -141,7 +143,8 @@ fn varuint(bytes: &mut Vec<u8>, mut value: u64) {
     bytes.push(value as u8);
 }
 
-/// Returns the photographer's camera. An unrotated camera in Skybrush looks along -z with +y up.
+/// Returns the photographer's camera, with a focal length in mm of film 36 mm wide. An unrotated
+/// camera in Skybrush looks along -z with +y up.
 fn camera(camera: &Camera) -> Value {
     // This program's camera looks along +z with y down.
     let world_from_camera = camera.camera_from_world.transpose()

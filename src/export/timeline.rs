@@ -73,7 +73,7 @@ pub(super) struct Timeline {
 
 impl Timeline {
     /// Computes the timeline around a trajectory from `first_m` to `last_m`. `first_start_s` is the
-    /// start of the first of all drones' trajectories.
+    /// start of the first of all drones' trajectories by the plans' clock.
     pub(super) fn new(
         plan: &Plan,
         stretch: &Stretch,
@@ -125,7 +125,8 @@ impl Timeline {
         ]
     }
 
-    /// Returns the position at `time_s`, m. `trajectory_m` takes the time since its start.
+    /// Returns the position in m at `time_s` after the take-off command. `trajectory_m` takes the
+    /// time in s since the trajectory's start.
     pub(super) fn position_m(
         &self,
         time_s: f64,

@@ -21,7 +21,7 @@ const COLOR_HZ: f64 = 20.0;
 /// Number of rounding steps per meter, each 0.1 mm.
 const ROUNDING_PER_M: f64 = 1e4;
 
-/// Returns the `.vviz` file of a job, or an error for a plan with a heading.
+/// Returns the `.vviz` file of a job. Returns [`Error::Input`] for a plan with a heading.
 pub(super) fn show(job: &Job<'_>) -> Result<File> {
     if let Some(plan) = job.plans.iter().find(|plan| plan.yaw_rad != 0.0) {
         let wanted =
@@ -56,7 +56,8 @@ pub(super) fn show(job: &Job<'_>) -> Result<File> {
     Ok(File::new(format!("{}.vviz", stem(job.word)), format!("{}\n", ascii(&show))))
 }
 
-/// Returns a drone's steps from each sampled position to the next, beginning with a zero step.
+/// Returns a drone's steps from each sampled position to the next in m, beginning with a zero step.
+/// In the show, y points up.
 fn steps(flown: &Plan) -> Vec<Value> {
     // The steps are differences of rounded positions, so that rounding errors do not accumulate.
     let positions_m = samples(flown, POSITION_HZ).map(|(_, position_m)| position_m);
@@ -67,7 +68,7 @@ fn steps(flown: &Plan) -> Vec<Value> {
     steps.map(|step| json!({ "dx": step.x, "dy": step.z, "dz": step.y })).collect()
 }
 
-/// Returns the color of a drone in each frame.
+/// Returns the sRGB color of a drone in each frame, 20 times a second.
 fn colors(job: &Job<'_>, flown: &Plan) -> Result<Vec<Value>> {
     let lights = commands(flown, job.light)?;
     let colors = samples(flown, COLOR_HZ).map(|(time_s, _)| {
@@ -79,7 +80,7 @@ fn colors(job: &Job<'_>, flown: &Plan) -> Result<Vec<Value>> {
     Ok(colors.collect())
 }
 
-/// Returns the times and positions of a plan, sampled at `hz` until its end.
+/// Returns the times in s and positions in m of a plan, sampled at `hz` until its end.
 fn samples(plan: &Plan, hz: f64) -> impl Iterator<Item = (f64, Vector3<f64>)> {
     #[expect(clippy::cast_possible_truncation, reason = "an hour at most")]
     let n = (plan.duration_s() * hz).ceil() as u32;

@@ -3,8 +3,8 @@
 
 use super::File;
 
-/// Returns a zip archive of files. Each file has a local header followed by its contents. The
-/// central directory and its end record come last.
+/// Returns a zip archive of files, without compression. Each file has a local header followed by
+/// its contents. The central directory and its end record come last.
 pub fn zip(files: &[File]) -> Vec<u8> {
     let (mut archive, mut directory) = (Vec::new(), Vec::new());
     for File { name, bytes: content } in files {

@@ -64,7 +64,8 @@ pub(super) fn with_arcs(points: &[Point]) -> Vec<Point> {
     curve
 }
 
-/// Returns the unit tangent at the end of a chord, or `None` at a corner and at the end of the run.
+/// Returns the unit tangent at the end of the chord `index`, or `None` at a corner and at the end
+/// of the run. `is_stem` says for each chord whether it is a long straight side.
 fn tangent(index: usize, chords: &[Chord], is_stem: &[bool]) -> Option<Vec2> {
     let (chord, after) = (&chords[index], chords[index].neighbors[1]?);
     let next = &chords[after];
@@ -82,13 +83,15 @@ fn tangent(index: usize, chords: &[Chord], is_stem: &[bool]) -> Option<Vec2> {
     }
 }
 
-/// Appends the inner points of the cubic that spans a chord, given the tangents at its ends.
+/// Appends the inner points of the cubic that spans a chord, given the unit tangents at its ends.
+/// Neighboring points differ in direction by at most [`STEP_RAD`].
 fn add_arc(curve: &mut Vec<Point>, chord: &Chord, (begin, end): (Vec2, Vec2)) {
     let from = curve[curve.len() - 1];
     let turns = [begin, end].map(|t| libm::acos(t.dot(chord.direction).clamp(-1.0, 1.0)));
     let turn = turns[0] + turns[1];
-    // The slack keeps rounding from creating an extra piece.
-    let n_pieces = (turn / STEP_RAD - 1e-6).ceil();
+    /// Fraction of a step that keeps rounding from creating an extra piece.
+    const SLACK: f64 = 1e-6;
+    let n_pieces = (turn / STEP_RAD - SLACK).ceil();
     // With tangents of this length, the cubic passes through the midpoint of a circular arc.
     let tangent_length = chord.length / libm::pow(libm::cos(0.25 * turn), 2.0);
     for t in integers_below(n_pieces).skip(1).map(|k| k / n_pieces) {

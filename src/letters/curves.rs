@@ -6,8 +6,9 @@ use kurbo::{BezPath, PathEl, Point};
 
 use super::vector::{Lines, coordinates, pairs};
 
-/// Returns a polyline along each subpath, within a tolerance of its curves. A closed line repeats
-/// its first point. Returns `None` if there are over `max_points` points or one is not finite.
+/// Returns a polyline along each subpath, within a tolerance of its curves in the path's unit. A
+/// closed line repeats its first point. Returns `None` if there are over `max_points` points or one
+/// is not finite.
 pub(super) fn polylines(path: &BezPath, tolerance: f64, max_points: usize) -> Option<Lines> {
     if !path.is_finite() {
         return None;
@@ -40,11 +41,13 @@ pub(super) fn polylines(path: &BezPath, tolerance: f64, max_points: usize) -> Op
 
 /// Rounds the points of a path's polylines to a grid, except the path's own points. kurbo splits
 /// curves with the platform's `pow`, whose last bits differ, so strokes would differ in a browser.
+/// The tolerance is that of [`polylines`].
 pub(super) fn on_grid(mut lines: Lines, path: &BezPath, tolerance: f64) -> Vec<Vec<[f64; 2]>> {
     let end_points = path.elements().iter().filter_map(PathEl::end_point);
     let exact: BTreeSet<[u64; 2]> = end_points.map(bits).collect();
-    // The step is about a thousandth of the tolerance: invisible, but far above the last bits.
-    let step = tolerance / 1024.0;
+    /// Steps of the grid within the tolerance: invisible, but far above the last bits.
+    const STEPS: f64 = 1024.0;
+    let step = tolerance / STEPS;
     for point in lines.iter_mut().flatten().filter(|point| !exact.contains(&bits(**point))) {
         let [x, y] = coordinates(*point).map(|value| (value / step).round() * step);
         *point = Point::new(x, y);

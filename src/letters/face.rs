@@ -38,7 +38,7 @@ pub(super) trait Face {
     }
 
     /// Returns the shaped letters of a text from left to right, or `None` for a font that does no
-    /// shaping. `space` is the advance of a space that the font lacks.
+    /// shaping. `space` is the advance of a space that the font lacks, in cap heights.
     fn shaped_line(&self, _text: &str, _space: f64) -> Option<ShapedLine> {
         None
     }

@@ -39,8 +39,8 @@ impl Fonts {
         Some(shape.lost_length).filter(|length| *length > 0.0)
     }
 
-    /// Splits a line into parts of one font each, in reading order. A character gets the first font
-    /// that draws it, or the main font if none does.
+    /// Splits a line into parts of one font each, in reading order, as ranges of bytes. A character
+    /// gets the first font that draws it, or the main font if none does.
     pub(super) fn parts(&self, line: &str) -> Vec<Part<'_>> {
         let mut parts: Vec<(usize, Range<usize>)> = Vec::new();
         for (start, character) in line.char_indices() {

@@ -113,11 +113,12 @@ fn is_format(character: char) -> bool {
         | '\u{fff9}'..='\u{fffb}' | '\u{e0000}'..='\u{e007f}')
 }
 
-/// Returns the scale at which strokes fill a canvas.
+/// Returns the factor by which strokes must be scaled to fill a canvas.
 fn canvas_scale(strokes: &Strokes, [width_m, height_m]: [f64; 2]) -> f64 {
     let [left, bottom, right, top] = strokes.bounds_m();
-    // The slack for rounding ensures that a text which fits exactly keeps its size.
-    (width_m / (right - left)).min(height_m / (top - bottom)) * (1.0 + 1e-12)
+    /// Slack for rounding, so that a text which fits exactly keeps its size.
+    const SLACK: f64 = 1.0 + 1e-12;
+    (width_m / (right - left)).min(height_m / (top - bottom)) * SLACK
 }
 
 /// Returns the text with up to `n_breaks` spaces replaced by line ends. Each break splits the
@@ -244,7 +245,7 @@ fn lay_out(word: &str, fonts: &Fonts, options: &LetterOptions) -> Strokes {
     Strokes::made(StrokesData { word, font, lost, glyphs, order, ..StrokesData::default() })
 }
 
-/// Returns the glyphs of a line on a baseline, aligned by the options.
+/// Returns the glyphs of a line on a baseline at the height `baseline_m`, aligned by the options.
 fn lay_line(line: &str, fonts: &Fonts, options: &LetterOptions, baseline_m: f64) -> Vec<Glyph> {
     let is_box = fonts.main().face.fit() == Fit::Box;
     // Spaces at the ends of a line take no room, except in box fonts.
@@ -301,7 +302,7 @@ fn cells(line: &str, fonts: &Fonts, options: &LetterOptions) -> Vec<Placed> {
 }
 
 /// Returns the characters of a part of a line in one font, placed relative to its start, and the
-/// position of its end.
+/// position of its end in m.
 fn cells_in(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f64) {
     if is_shaped(line)
         && let Some(letters) = font.face.shaped_line(line, SPACE)
@@ -331,14 +332,15 @@ struct Placed {
     fit: Fit,
 }
 
-/// Returns a proportional character whose pen starts at a position given in cap heights.
+/// Returns a proportional character of a cap height `size_m`, whose pen starts at a position given
+/// in cap heights.
 fn proportional(character: char, pen: f64, shape: Arc<Shape>, size_m: f64) -> Placed {
     let (left, width) = shape.cell();
     let (offset_m, width_m) = ((pen + left) * size_m, width * size_m);
     Placed { character, shape: Some(shape), offset_m, width_m, fit: Fit::Proportional }
 }
 
-/// Returns the characters of a part in boxes of equal width and spacing, and the part's end.
+/// Returns the characters of a part in boxes of equal width and spacing, and the part's end in m.
 fn boxes(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f64) {
     let (width_m, step_m) = (options.box_width_m(), options.box_width_m() + options.box_gap_m());
     let cells = Vec::from_iter(line.chars().enumerate().map(|(index, character)| {
@@ -349,7 +351,7 @@ fn boxes(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f64)
     (cells, end_m)
 }
 
-/// Returns the characters of a part, placed by their advances and kerning, and the part's end.
+/// Returns the characters of a part, placed by their advances and kerning, and the part's end in m.
 fn advances(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f64) {
     let size_m = options.cap_height_m;
     let (mut pen, mut base_pen, mut previous) = (0.0, 0.0, None);

@@ -135,7 +135,8 @@ impl LetterOptions {
         fonts.filter(|(_, name)| !font::is_shipped(name)).chain(drawing)
     }
 
-    /// Returns the options for another letter size, on the same baseline and canvas.
+    /// Returns the options for letters that are `scale` times as large, on the same baseline and
+    /// canvas.
     pub fn scaled(&self, scale: f64) -> Self {
         Self {
             cap_height_m: self.cap_height_m * scale,
@@ -147,12 +148,12 @@ impl LetterOptions {
         }
     }
 
-    /// Returns the width of a letter's box.
+    /// Returns the width of a letter's box, by default 0.6 cap heights.
     pub(super) fn box_width_m(&self) -> f64 {
         self.width_m.unwrap_or(0.6 * self.cap_height_m)
     }
 
-    /// Returns the gap between two boxes.
+    /// Returns the gap between two boxes, by default 0.2 cap heights.
     pub(super) fn box_gap_m(&self) -> f64 {
         self.gap_m.unwrap_or(0.2 * self.cap_height_m)
     }

@@ -79,8 +79,8 @@ impl<'a> Filled<'a> {
         winding
     }
 
-    /// Appends the crossings of edges with a segment, as fractions of its length. An edge in
-    /// several bins appends its crossing several times.
+    /// Appends the crossings of edges with a segment, as fractions of its length from 0 to 1. An
+    /// edge in several bins appends its crossing several times.
     pub(super) fn crossings(&self, segment: [[f64; 2]; 2], fractions: &mut Vec<f64>) {
         let along = minus(segment[1], segment[0]);
         let bins = &self.bins[self.bins_of(segment)];
@@ -161,21 +161,25 @@ fn sampled(contour: &[[f64; 2]], spacing: f64) -> Vec<[f64; 2]> {
 /// True if only one side of an edge has ink, a hundredth of its length away from its middle.
 fn has_ink_on_one_side([a, b]: [[f64; 2]; 2], ink: &Filled<'_>) -> bool {
     let (x, y) = (0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]));
-    let (dx, dy) = (0.01 * (b[0] - a[0]), 0.01 * (b[1] - a[1]));
+    /// Distance from the edge's middle, as a fraction of its length.
+    const BESIDE: f64 = 0.01;
+    let (dx, dy) = (BESIDE * (b[0] - a[0]), BESIDE * (b[1] - a[1]));
     ink.holds([x - dy, y + dx]) != ink.holds([x + dy, y - dx])
 }
 
-/// Returns the length of all contours, including their closing edges.
+/// Returns the length of all contours in their unit, including their closing edges.
 fn length(contours: &[Contour]) -> f64 {
     contours.iter().flat_map(|contour| edges(contour)).map(|[a, b]| distance(a, b)).sum()
 }
 
-/// Returns the area inside a closed contour. The area is negative if the contour runs clockwise.
+/// Returns the area inside a closed contour, in its unit squared. The area is negative if the
+/// contour runs clockwise.
 pub(super) fn area(contour: &[[f64; 2]]) -> f64 {
     edges(contour).map(|[a, b]| 0.5 * cross(a, b)).sum()
 }
 
-/// Returns the mean width of an outline's strokes: twice its area divided by its length.
+/// Returns the mean width of an outline's strokes in the outline's unit: twice its area divided by
+/// its length.
 pub(super) fn mean_stroke_width(contours: &[Contour]) -> f64 {
     let edges = contours.iter().flat_map(|contour| edges(contour));
     let area: f64 = edges.map(|[a, b]| 0.5 * cross(a, b)).sum();

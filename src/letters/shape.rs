@@ -57,7 +57,8 @@ impl Shape {
         (0.5 * (left + right - width), width)
     }
 
-    /// Returns the glyph of the character in a cell.
+    /// Returns the glyph of the character in a cell. In a box font the shape is stretched to the
+    /// cell, and otherwise it is centered there and scaled by the cap height.
     pub(super) fn glyph(&self, character: char, cell: Cell, fit: Fit) -> Glyph {
         let Cell { left_m, baseline_m, width_m, cap_height_m } = cell;
         let y_m = |p: Point| baseline_m + p.y * cap_height_m;
@@ -93,7 +94,8 @@ pub(super) fn pen_moves(runs: &[Run], place: impl Fn(Point) -> Point) -> Vec<Mov
     all_moves
 }
 
-/// Returns the moves along one run.
+/// Returns the moves in m along one run, which are lit or dark like the run. `place` maps a point
+/// of the run to the plane of the word.
 fn moves(run: &Run, place: impl Fn(Point) -> Point) -> impl Iterator<Item = Move> {
     run.points.windows(2).map(move |pair| {
         let [from_m, to_m] = [pair[0], pair[1]].map(|point| coordinates(place(point)));

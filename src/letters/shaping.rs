@@ -59,7 +59,8 @@ pub(super) enum Unset {
     TooLarge(usize, usize),
 }
 
-/// Returns the placed glyphs of a line from left to right. `space` is the advance between words.
+/// Returns the placed glyphs of a line from left to right, in font units. `space` is the advance
+/// between words. The error names the first byte of a part that cannot be shaped.
 #[cfg(not(target_family = "wasm"))]
 pub(super) fn shape_line(face: &Font, line: &str, space: i32) -> Result<Vec<Placed>, Unset> {
     let face = ShaperFont::new(face);

@@ -13,7 +13,8 @@ const STIFFNESS: [f64; 9] = [1e7, 1e6, 1e5, 1e4, 1e3, 1e2, 1e1, 1.0, 0.1];
 pub(super) const MAX_POINTS: usize = 4000;
 
 /// Returns the line resampled at `spacing`, and smoothed as much as possible without moving a point
-/// by more than `error`. The ends of the line do not move, and a closed line stays closed.
+/// by more than `error`. Both are in the line's unit. The ends of the line do not move, and a
+/// closed line stays closed.
 pub(super) fn smooth(line: &[[f64; 2]], spacing: f64, error: f64) -> Vec<[f64; 2]> {
     let even = evenly(line, spacing);
     // A line with fewer than five points has no bend to smooth.
@@ -33,7 +34,7 @@ pub(super) fn smooth(line: &[[f64; 2]], spacing: f64, error: f64) -> Vec<[f64; 2
 }
 
 /// Returns evenly spaced points along a line, including both ends. The points are at most `spacing`
-/// apart, unless this would require more than [`MAX_POINTS`] pieces.
+/// apart, in the line's unit, unless this would require more than [`MAX_POINTS`] pieces.
 pub(super) fn evenly(line: &[[f64; 2]], spacing: f64) -> Vec<[f64; 2]> {
     let along = arc_lengths(line);
     let (Some(&length), Some(&last)) = (along.last(), line.last()) else { return Vec::new() };
@@ -55,6 +56,7 @@ pub(super) fn evenly(line: &[[f64; 2]], spacing: f64) -> Vec<[f64; 2]> {
 }
 
 /// Returns a line without the points that are within `error` of the line through the others.
+/// `error` is in the line's unit.
 pub(super) fn simplified(line: &[[f64; 2]], error: f64) -> Vec<[f64; 2]> {
     simplify(line, error).into_iter().map(|index| line[index]).collect()
 }
@@ -65,8 +67,9 @@ fn smooth_open(points: &[[f64; 2]], stiffness: f64) -> Vec<[f64; 2]> {
     let n = points.len();
     let mut matrix = Banded::normal_matrix(n, stiffness);
     let mut z = [&[[0.0; 2]; 2], points, &[[0.0; 2]; 2]].concat();
-    // A weight far above all others fixes the ends.
-    let pin = 1e9 * (1.0 + stiffness);
+    /// Weight that fixes the ends, as a multiple of all other weights.
+    const PINNED: f64 = 1e9;
+    let pin = PINNED * (1.0 + stiffness);
     for end in [2, n + 1] {
         matrix.diagonal[end] += pin;
         z[end] = z[end].map(|x| x * (1.0 + pin));
@@ -89,7 +92,8 @@ struct Banded {
 
 impl Banded {
     /// Returns the matrix of the normal equations (I + λ D'D) z = p for n points with second
-    /// differences D. D'D has rows 1 −4 6 −4 1.
+    /// differences D and the stiffness λ. D'D has rows 1 −4 6 −4 1. Two rows without a point are
+    /// added at each end.
     fn normal_matrix(n: usize, stiffness: f64) -> Self {
         let mut diagonal = vec![1.0; n + 4];
         let (mut first, mut second) = (vec![0.0; n + 4], vec![0.0; n + 4]);
@@ -128,8 +132,8 @@ impl Banded {
     }
 }
 
-/// Returns the smooth line through closed points. The loop is solved as two rounds, of which the
-/// middle half is kept because the ends hardly affect it.
+/// Returns the smooth line through closed points for a stiffness λ, as in [`smooth_open`]. The loop
+/// is solved as two rounds, of which the middle half is kept because the ends hardly affect it.
 fn smooth_loop(points: &[[f64; 2]], stiffness: f64) -> Vec<[f64; 2]> {
     let n = points.len() - 1;
     let half = n / 2;

@@ -27,17 +27,20 @@ pub(super) fn are_strokes(outlines: &[BezPath]) -> bool {
     2 * outlines.iter().filter(has_thin).count() > outlines.len()
 }
 
-/// True if a closed contour has almost no mean width: twice its area divided by its length.
+/// True if a closed contour has almost no mean width (twice its area divided by its length)
+/// compared with its larger side.
 fn is_thin(contour: &BezPath) -> bool {
+    /// Accuracy of the length, in font units or cap heights.
+    const ACCURACY: f64 = 1e-3;
     let mut closed = contour.clone();
     closed.close_path();
     let (area, length, bounds) =
-        (closed.area().abs(), closed.perimeter(1e-3), closed.bounding_box());
+        (closed.area().abs(), closed.perimeter(ACCURACY), closed.bounding_box());
     length > 0.0 && 2.0 * area <= THIN * length * bounds.width().max(bounds.height())
 }
 
 /// Returns the strokes of a path, one for each contour, or `None` if they have more than
-/// `max_points`.
+/// `max_points`. They are within a tolerance of the curves, in the path's unit.
 pub(super) fn strokes(path: &BezPath, tolerance: f64, max_points: usize) -> Option<Lines> {
     let mut strokes = Lines::new();
     let mut n_points_left = max_points;

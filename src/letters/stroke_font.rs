@@ -55,6 +55,10 @@ pub(super) struct StrokeFont {
 impl StrokeFont {
     /// Parses a font from its text. The error names the line that is malformed.
     pub(super) fn parse(text: &str, file: &str) -> Result<Self> {
+        /// Heights of a capital in the file's units.
+        const CAP_HEIGHTS: std::ops::RangeInclusive<f64> = 1e-3..=1e6;
+        /// Maximum number of characters of a line that the error shows.
+        const MAX_SHOWN: usize = 60;
         let lines = (1..).zip(text.lines().map(str::trim_end));
         let mut font = Self { fit: Fit::Box, letters: BTreeMap::new(), n_points: 0 };
         let mut units = 1.0;
@@ -64,12 +68,12 @@ impl StrokeFont {
                 Some(height) => {
                     font.fit = Fit::Proportional;
                     units = height.parse().unwrap_or(f64::NAN);
-                    (1e-3..=1e6).contains(&units).then_some(())
+                    CAP_HEIGHTS.contains(&units).then_some(())
                 }
                 None => font.parse_letter(line, units),
             };
             read.ok_or_else(|| {
-                let start: String = line.chars().take(60).collect();
+                let start: String = line.chars().take(MAX_SHOWN).collect();
                 let error = input_error!(
                     "",
                     "`{start}`",
@@ -83,8 +87,9 @@ impl StrokeFont {
         Ok(font)
     }
 
-    /// Parses the line of a letter and adds the letter. Returns `None` if the line is malformed,
-    /// the letter already exists, or there are too many points.
+    /// Parses the line of a letter and adds the letter. `units` is the number of the file's units
+    /// in a cap height. Returns `None` if the line is malformed, the letter already exists, or
+    /// there are too many points.
     fn parse_letter(&mut self, line: &str, units: f64) -> Option<()> {
         let mut words = line.split_ascii_whitespace().peekable();
         let character = parse_name(words.next()?)?;
@@ -100,7 +105,8 @@ impl StrokeFont {
     }
 
     /// Parses a composed letter from the words after `=`: base, mark, and optionally `dx,dy`.
-    /// Returns `None` if they are malformed or have too many points.
+    /// `units` is the number of the file's units in a cap height. Returns `None` if the words are
+    /// malformed or have too many points.
     fn parse_composed(&self, mut words: Words<'_>, units: f64) -> Option<Shape> {
         let base = self.letters.get(&parse_name(words.next()?)?)?;
         let mark = self.letters.get(&parse_name(words.next()?)?)?;
@@ -111,7 +117,8 @@ impl StrokeFont {
     }
 
     /// Parses a letter's shape from words: the advance (omitted in box fonts), followed by the
-    /// runs, each a `+` (lit) or `-` (dark) and its points. Returns `None` if they are malformed.
+    /// runs, each a `+` (lit) or `-` (dark) and its points. `units` is the number of the file's
+    /// units in a cap height. Returns `None` if the words are malformed.
     fn parse_runs(&self, mut words: Words<'_>, units: f64) -> Option<Shape> {
         let advance = match self.fit {
             Fit::Box => 1.0,

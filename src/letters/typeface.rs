@@ -90,7 +90,8 @@ struct Traced {
 type Part = (GlyphId, [i32; 2]);
 
 impl Typeface {
-    /// Reads a face. In a collection, the first face is read.
+    /// Reads a face. In a collection, the first face is read. Returns an error for another kind of
+    /// file, and for a face without letters or strokes.
     pub(super) fn read(bytes: Vec<u8>, trace: Trace, file: &str) -> Result<Self> {
         let budget = Budget::new(file, "name another font file, or a built-in font");
         let face = Font::new(bytes, 0).ok_or_else(|| refused(file, "another file"))?;
@@ -155,7 +156,8 @@ impl Typeface {
         shape.clone()
     }
 
-    /// Shapes a text into letters. `space` is the advance of a space in a face without one.
+    /// Shapes a text into letters, from left to right in cap heights. `space` is the advance of a
+    /// space in a face without one, in cap heights.
     pub(super) fn shape_line(&self, text: &str, space: f64) -> ShapedLine {
         let unit = self.advance(1.0);
         let space_units =
@@ -185,7 +187,8 @@ impl Typeface {
         groups
     }
 
-    /// Returns the strokes of glyphs that touch as one shape.
+    /// Returns the strokes of glyphs that touch as one shape, with its first byte in the text and
+    /// its position in cap heights. `unit` is a font unit in cap heights.
     fn joined(&self, group: &[Placed], unit: f64) -> std::result::Result<Joined, Unset> {
         let byte = group.iter().map(|placed| placed.byte).min().expect("not empty");
         let start = group[0].units[0];
@@ -323,6 +326,7 @@ impl Face for Typeface {
         self.glyph(character).is_some()
     }
 
+    /// Returns the shaped letters of a text, as [`Typeface::shape_line`] does.
     fn shaped_line(&self, text: &str, space: f64) -> Option<ShapedLine> {
         Some(self.shape_line(text, space))
     }

@@ -38,7 +38,8 @@ pub(super) fn direction(from: [f64; 2], to: [f64; 2]) -> [f64; 2] {
     [0, 1].map(|i| (to[i] - from[i]) / length)
 }
 
-/// Returns the point at a given distance from another one, in a given direction.
+/// Returns the sum of a point and `length` times a direction. For a unit vector, this is the point
+/// at that distance.
 pub(super) fn ahead(from: [f64; 2], direction: [f64; 2], length: f64) -> [f64; 2] {
     [0, 1].map(|i| from[i] + length * direction[i])
 }
@@ -48,10 +49,12 @@ pub(super) fn between(from: [f64; 2], to: [f64; 2], fraction: f64) -> [f64; 2] {
     [0, 1].map(|i| from[i] + fraction * (to[i] - from[i]))
 }
 
+/// Returns the vector from `b` to `a`.
 pub(super) fn minus(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
     [a[0] - b[0], a[1] - b[1]]
 }
 
+/// Returns the dot product.
 pub(super) fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
     a[0] * b[0] + a[1] * b[1]
 }

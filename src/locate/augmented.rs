@@ -32,11 +32,16 @@ use noctograph_sim::kalman::{Entry, Measurement, Normal, Part};
 
 /// Offsets of the Gauss–Newton starts along the least certain direction, in standard deviations.
 const STARTS: [f64; 5] = [0.0, -1.0, 1.0, -2.0, 2.0];
+/// Time in s from the first range after which the extended Kalman filter takes over.
 const HAND_OVER_S: f64 = 5.0;
 /// Random walk of the error in the known motion, m/√s, for velocities estimated on board.
 const MOTION_SIGMA_M_SQRT_S: f64 = 0.05;
 /// Additional cost of positions outside the room, which exceeds the cost of any fit inside it.
 const OUTSIDE_COST: f64 = 1e6;
+/// Minimum decrease of the cost with which a later fit replaces an earlier one.
+const LEAST_GAIN: f64 = 1e-6;
+/// Length below which the least certain direction of a drone is undefined, in m.
+const LEAST_NORMAL: f64 = 1e-12;
 /// Minimum eigenvalue assumed for the scaled covariance, which may be singular.
 const LEAST_EIGENVALUE: f64 = 1e-13;
 
@@ -51,7 +56,8 @@ pub struct Augmented {
 }
 
 impl Augmented {
-    /// Starts the filter at `starts_m` with a standard deviation of `sigma_m` on each axis.
+    /// Creates the filter at `starts_m` with a standard deviation of `sigma_m` on each axis.
+    /// Coordinates are relative to the mean of the starts, so that squares stay small.
     pub fn new(anchors_m: &[Vector3<f64>], starts_m: &[Vector3<f64>], sigma_m: f64) -> Self {
         let n = starts_m.len();
         let origin_m = starts_m.iter().sum::<Vector3<f64>>() / n.max(1) as f64;
@@ -59,8 +65,10 @@ impl Augmented {
             starts_m.iter().map(|start| start - origin_m).collect();
         let positions_m = flattened(&positions_m);
         let variance = sigma_m * sigma_m;
-        // Mean and covariance include the second-order terms of normally distributed products.
+
         let (mut state, jacobian) = (augmented(&positions_m), augmented_jacobian(&positions_m));
+        // The square of a position has the mean |p|² + 3σ² and the variance 4|p|²σ² + 6σ⁴. The
+        // product of two positions has a variance whose second-order term is 3σ⁴.
         state.rows_mut(3 * n, n).add_scalar_mut(3.0 * variance);
         let mut covariance = &jacobian * jacobian.transpose() * variance;
         for row in 3 * n..state.len() {
@@ -86,7 +94,7 @@ impl Augmented {
         self.normal.covariance += &noise * noise.transpose() * variance_m2;
     }
 
-    /// Corrects the state with a range.
+    /// Corrects the state with a range in m whose standard deviation is `sigma_m`.
     pub fn correct(&mut self, link: Link, distance_m: f64, sigma_m: f64) {
         let n = self.n;
         let variance_m2 = sigma_m * sigma_m;
@@ -116,9 +124,9 @@ impl Augmented {
         (position_m, self.normal.block(3 * drone, 3 * drone))
     }
 
-    /// Returns a filter for the positions that best fit the state, by Gauss–Newton. If motion and
-    /// anchors lie in parallel planes, the mirror image behind the anchors has the same ranges, and
-    /// only `room` distinguishes the two.
+    /// Returns a filter for the positions that best fit the state, by Gauss–Newton, with a gate of
+    /// `gate_sigmas` standard deviations. If motion and anchors lie in parallel planes, the mirror
+    /// image behind the anchors has the same ranges, and only `room` distinguishes the two.
     pub fn positions(&self, room: Option<&Room>, gate_sigmas: f64) -> Positions {
         let Normal { mean, covariance, .. } = &self.normal;
         let m = 3 * self.n;
@@ -145,7 +153,9 @@ impl Augmented {
             }
             (cost, positions_m, jacobian)
         });
-        let best = fits.reduce(|best, other| if other.0 < best.0 - 1e-6 { other } else { best });
+        // A later fit must be clearly better, so that rounding does not choose between equal fits.
+        let best =
+            fits.reduce(|best, other| if other.0 < best.0 - LEAST_GAIN { other } else { best });
         let (_, positions_m, jacobian) = best.expect("there are starts");
         let covariance_m2 =
             (jacobian.transpose() * jacobian).try_inverse().unwrap_or(position_covariance);
@@ -153,7 +163,8 @@ impl Augmented {
         Positions::with(anchors_m, Normal::new(positions_m, covariance_m2), gate_sigmas)
     }
 
-    /// Returns the positions mirrored at the anchors' plane, whose normal is `along`.
+    /// Returns the positions in m mirrored at the anchors' plane. `along` is the least certain
+    /// direction of all coordinates, of which each drone's part is normal to that plane.
     fn mirrored(&self, along: &DVector<f64>) -> DVector<f64> {
         let n_anchors = self.anchors_m.len().max(1) as f64;
         let middle_m = self.anchors_m.iter().sum::<Vector3<f64>>() / n_anchors;
@@ -161,7 +172,7 @@ impl Augmented {
         for drone in 0..self.n {
             // The least certain direction of a drone is normal to the anchors' plane.
             let normal = along.fixed_rows::<3>(3 * drone).into_owned();
-            if let Some(normal) = normal.try_normalize(1e-12) {
+            if let Some(normal) = normal.try_normalize(LEAST_NORMAL) {
                 let mut position_m = positions_m.fixed_rows_mut::<3>(3 * drone);
                 let distance_m = (position_m.clone_owned() - middle_m).dot(&normal);
                 position_m -= normal * (2.0 * distance_m);
@@ -188,7 +199,8 @@ fn flattened(vectors_m: &[Vector3<f64>]) -> DVector<f64> {
     DVector::from_iterator(3 * vectors_m.len(), vectors_m.iter().flatten().copied())
 }
 
-/// Returns the augmented state m(p), which consists of positions, squares and products.
+/// Returns the augmented state m(p) of positions p in m, which consists of positions, squares (m²)
+/// and products (m²).
 fn augmented(p: &DVector<f64>) -> DVector<f64> {
     let n = p.len() / 3;
     let mut x = p.clone().resize_vertically(n_states(n), 0.0);
@@ -202,7 +214,7 @@ fn augmented(p: &DVector<f64>) -> DVector<f64> {
     x
 }
 
-/// Returns the Jacobian of [`augmented`] at `p`.
+/// Returns the Jacobian of [`augmented`] at the positions `p` in m.
 fn augmented_jacobian(p: &DVector<f64>) -> DMatrix<f64> {
     let n = p.len() / 3;
     let mut jacobian = DMatrix::identity(n_states(n), 3 * n);
@@ -220,18 +232,21 @@ fn augmented_jacobian(p: &DVector<f64>) -> DMatrix<f64> {
     jacobian
 }
 
-/// Returns the total number of augmented states for `n` drones.
+/// Returns the number of augmented states of `n` drones, which are three coordinates and a square
+/// for each, and a product for each pair.
 fn n_states(n: usize) -> usize {
     4 * n + n * (n - 1) / 2
 }
 
-/// Returns the index of `p_iᵀ p_j` in the augmented state of `n` drones.
+/// Returns the index of `p_iᵀ p_j` in the augmented state of `n` drones. Products follow the
+/// coordinates and squares, and are ordered by i, then by j > i.
 fn product(n: usize, i: usize, j: usize) -> usize {
     let (i, j) = (i.min(j), i.max(j));
     4 * n + i * (2 * n - i - 1) / 2 + j - i - 1
 }
 
-/// Locates drones with the linear augmented filter, then with an extended Kalman filter.
+/// Locates drones with the linear augmented filter for the first 5 s, and with an
+/// extended Kalman filter from then on.
 ///
 /// # Errors
 ///

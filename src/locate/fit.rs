@@ -19,8 +19,8 @@ pub(super) struct Observation {
     pub(super) distance_m: f64,
 }
 
-/// Returns the Jacobian of the ranges with respect to the positions, and the residuals, which are
-/// the measured minus the expected ranges.
+/// Returns the Jacobian of the ranges with respect to the positions (three coordinates for each
+/// drone), and the residuals in m, which are the measured minus the expected ranges.
 pub(super) fn residuals(
     anchors_m: &[Vector3<f64>],
     ranges: &[Observation],
@@ -40,7 +40,8 @@ pub(super) fn residuals(
     (jacobian, residuals_m)
 }
 
-/// Returns the sum of squared residuals and the best fit, starting at `positions_m`.
+/// Returns the sum of squared residuals in m² and the best fit of the positions, starting at
+/// `positions_m`.
 pub(super) fn fit(
     anchors_m: &[Vector3<f64>],
     ranges: &[Observation],

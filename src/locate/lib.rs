@@ -79,9 +79,11 @@ impl Link {
 }
 
 impl std::fmt::Display for Link {
+    /// Writes the names of the drones and of the anchor, counted from 1, and the anchor's log
+    /// variable.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            // The firmware and cfclient files count anchors from 0.
+            // The firmware's variables and cfclient's files count anchors from 0.
             Self::Anchor { drone, anchor } => {
                 write!(f, "drone {} to anchor {} (distance{anchor})", drone + 1, anchor + 1)
             }

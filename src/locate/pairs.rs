@@ -38,7 +38,8 @@ pub(super) fn without_duplicates(samples: &[RangeSample]) -> Vec<RangeSample> {
     kept
 }
 
-/// Removes a pair's ranges until both logs have a range to an anchor, since one may start earlier.
+/// Removes the ranges between two drones from before both have a range to an anchor, because one
+/// log may start earlier.
 pub(super) fn remove_before_both_logs(samples: &mut Vec<RangeSample>) {
     let mut begins_s: BTreeMap<usize, f64> = BTreeMap::new();
     for sample in &*samples {

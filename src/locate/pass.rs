@@ -38,7 +38,8 @@ pub(super) struct Innovations {
 }
 
 impl Innovations {
-    /// Adds a range's normalized innovation squared. `None` counts the range as rejected.
+    /// Counts a range. `nis` is its normalized innovation squared, or `None` if the range was
+    /// rejected.
     pub(super) fn record(&mut self, link: Link, nis: Option<f64>) {
         match nis {
             Some(nis) => (self.sum, self.accepted) = (self.sum + nis, self.accepted + 1),
@@ -62,7 +63,7 @@ pub(super) struct Filter {
     pub(super) ranges: usize,
 }
 
-/// Splits samples, sorted by time, into steps of [`STEP_S`], each with one state.
+/// Splits samples, sorted by time, into steps of up to [`STEP_S`], each of which has one state.
 pub(super) fn time_steps(samples: &[RangeSample]) -> impl Iterator<Item = &[RangeSample]> {
     let mut remaining = samples;
     std::iter::from_fn(move || {
@@ -74,9 +75,10 @@ pub(super) fn time_steps(samples: &[RangeSample]) -> impl Iterator<Item = &[Rang
     })
 }
 
-/// Returns the number of multiplications in a forward and a backward pass.
+/// Returns the approximate number of multiplications in a forward and a backward pass.
 pub(super) fn work(n_drones: usize, samples: &[RangeSample]) -> f64 {
     let (states, steps) = ((STATES * n_drones) as f64, time_steps(samples).count() as f64);
+    // A range takes n² multiplications. A step takes about six products of n by n matrices.
     samples.len() as f64 * states * states + steps * 6.0 * states * states * states
 }
 
@@ -102,8 +104,9 @@ impl<'a> Model<'a> {
         Filter { normal: start.clone(), gate, last_s: None, ranges: 0 }
     }
 
-    /// Advances a filter by one step and returns the step. Jacobians are evaluated at the states
-    /// `linearized_about`, or at the filter's estimate if that is `None`.
+    /// Advances a filter by one step of ranges, and returns the step for the backward pass.
+    /// Jacobians are evaluated at the states `linearized_about`, or at the filter's estimate if
+    /// that is `None`. Innovations are recorded.
     pub(super) fn advance(
         &self,
         filter: &mut Filter,
@@ -134,8 +137,8 @@ impl<'a> Model<'a> {
         Step { time_s, transition, predicted, updated: normal.clone() }
     }
 
-    /// Returns the transition of the state between two times, and the covariance of its noise. A
-    /// drone on the ground does not move.
+    /// Returns the transition of the state between two times, without its identity, and the
+    /// covariance of its noise. A drone on the ground does not move.
     fn motion(&self, from_s: f64, to_s: f64) -> (Vec<Entry>, Vec<Entry>) {
         let (mut transition, mut noise) = (Vec::new(), Vec::new());
         let q = variance_rate(self.options.acceleration_m_s2_sqrt_hz);

@@ -28,7 +28,7 @@ impl Positions {
         (self.normal.three(3 * drone), self.normal.block(3 * drone, 3 * drone))
     }
 
-    /// Moves the drones by `moved_m`, with a variance of `variance_m2` on each axis.
+    /// Moves the drones by `moved_m`, and adds the motion's variance of `variance_m2` on each axis.
     pub fn advance(&mut self, moved_m: &[Vector3<f64>], variance_m2: f64) {
         let Normal { mean, covariance, .. } = &mut self.normal;
         for (i, moved_m) in moved_m.iter().flatten().enumerate() {
@@ -37,8 +37,9 @@ impl Positions {
         }
     }
 
-    /// Corrects the positions with a range. Returns its normalized innovation squared, or `None` if
-    /// the gate rejects the range. After five rejections in a row, a link is accepted again.
+    /// Corrects the positions with a range in m. Returns its normalized innovation squared, or
+    /// `None` if the gate rejects the range. After five rejections in a row, a link is accepted
+    /// again.
     pub fn correct(&mut self, link: Link, distance_m: f64, sigma_m: f64) -> Option<f64> {
         let states = self.normal.mean.as_slice();
         let (jacobian, expected_m) = range_jacobian(link, &self.anchors_m, states, 3);
@@ -49,8 +50,8 @@ impl Positions {
     }
 }
 
-/// Returns the Jacobian of a range with respect to the states, and the range itself. The first
-/// three of every `stride` states are a drone's position.
+/// Returns the Jacobian of a range with respect to the states, and the range in m that the states
+/// give. The first three of every `stride` states are a drone's position.
 pub(super) fn range_jacobian(
     link: Link,
     anchors_m: &[Vector3<f64>],

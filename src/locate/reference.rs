@@ -8,8 +8,10 @@ use super::{Link, Located, RangeSample};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::Flight;
 
-/// Maximum gap over which the reference is interpolated.
+/// Maximum gap in s over which the reference is interpolated.
 const LONGEST_GAP_S: f64 = 0.2;
+/// Span in s by which samples at the same time are considered apart, to avoid a division by zero.
+const LEAST_SPAN_S: f64 = 1e-9;
 
 /// True positions of a drone, measured on a different clock.
 #[derive(Clone, Copy, Debug)]
@@ -21,13 +23,13 @@ pub struct Reference<'a> {
 }
 
 impl Reference<'_> {
-    /// Interpolates between the two nearest samples. Returns `None` up to the first sample, after
-    /// the last one, and in gaps.
+    /// Returns the reference's position in m at a time of the ranges, interpolated between the two
+    /// nearest samples. Returns `None` up to the first sample, after the last one, and in gaps.
     pub fn position_m(&self, time_s: f64) -> Option<Vector3<f64>> {
         let (samples, clock_s) = (&self.flight.samples, time_s - self.offset_s);
         let after = samples.partition_point(|s| s.time_s < clock_s);
         let (a, b) = (samples.get(after.checked_sub(1)?)?, samples.get(after)?);
-        let fraction = (clock_s - a.time_s) / (b.time_s - a.time_s).max(1e-9);
+        let fraction = (clock_s - a.time_s) / (b.time_s - a.time_s).max(LEAST_SPAN_S);
         (b.time_s - a.time_s <= LONGEST_GAP_S)
             .then(|| a.position_m + (b.position_m - a.position_m) * fraction)
     }
@@ -94,7 +96,8 @@ pub struct LinkError {
     pub ranges: usize,
 }
 
-/// Compares the ranges of every link with the distances from the references, one for each drone.
+/// Returns the errors of the ranges of every link, relative to the distances from the references,
+/// one for each drone. A link whose ends have no reference at any range is left out.
 pub fn link_errors(
     samples: &[RangeSample],
     anchors_m: &[Vector3<f64>],

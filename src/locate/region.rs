@@ -64,7 +64,8 @@ pub enum Outputs {
 }
 
 /// Runs the observer along `path` without noise, from `n` random starts with an error of `error_m`.
-/// Returns the fraction of the error that remains after `duration_s`.
+/// Returns statistics of the fraction of the error that remains after `duration_s`. `path` returns
+/// the true positions of both drones in m at a time in s.
 pub fn fraction_left(
     observer: &SharedAnchorObserver,
     path: impl Fn(f64) -> [Vector3<f64>; 2],
@@ -99,14 +100,16 @@ fn random_direction(random: &mut u64) -> SMatrix<f64, 6, 1> {
             // The upper 53 bits divided by 2⁵³ are uniform from 0 to 1.
             2.0 * ((*random >> 11) as f64 / 9_007_199_254_740_992.0) - 1.0
         });
+        // A point near the center would have a direction with large rounding errors.
         if (1e-3..=1.0).contains(&drawn.norm()) {
             return drawn.normalize();
         }
     }
 }
 
-/// Returns the observer's error over both drones at the end of a path, if its estimates start with
-/// the errors `start_errors_m`.
+/// Returns the observer's error in m over both drones (root of the sum of squares) at the end of a
+/// path, if its estimates start with the errors `start_errors_m`. `path` returns the true positions
+/// of both drones in m at a time in s.
 fn final_error_m(
     observer: &SharedAnchorObserver,
     path: impl Fn(f64) -> [Vector3<f64>; 2],
@@ -130,9 +133,9 @@ fn final_error_m(
     (0..2).map(|i| (estimates_m[i] - true_m[i]).norm_squared()).sum::<f64>().sqrt()
 }
 
-/// Returns how well the measurements of the first `span_s` determine the initial positions. The
-/// five links are measured in turn, at `rate_hz` ranges per second, with a standard deviation of
-/// `sigma_m`.
+/// Returns how well the measurements of the first `span_s` determine the initial positions. `path`
+/// returns the true positions of both drones in m at a time in s. The five links are measured in
+/// turn, at `rate_hz` ranges per second in total, with a standard deviation of `sigma_m`.
 pub fn observability(
     observer: &SharedAnchorObserver,
     outputs: Outputs,
@@ -169,7 +172,8 @@ pub fn observability(
     }
 }
 
-/// Returns the information JᵀR⁻¹J about the six coordinates in one round of measurements.
+/// Returns the information JᵀR⁻¹J in 1/m² about the six coordinates in one round of measurements
+/// with both drones at `positions_m`.
 fn information_of_round(
     observer: &SharedAnchorObserver,
     outputs: Outputs,

@@ -27,6 +27,9 @@ const MOST_REFUSED: usize = 5;
 const NIS_BOUNDS: [f64; 2] = [0.7, 1.4];
 const NIS_SIGMAS: f64 = 3.0;
 
+/// Number of centimeters in a meter, for messages.
+const CM_PER_M: f64 = 100.0;
+
 /// Residuals of a link, which are the measured distances minus those between located positions.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LinkResidual {
@@ -59,7 +62,7 @@ pub(super) struct Spread {
     pub(super) n: usize,
 }
 
-/// Returns the spread of each link's residuals.
+/// Returns the median and the scatter in m of each link's residuals.
 pub(super) fn spread_by_link(
     samples: &[RangeSample],
     residuals_m: &[f64],
@@ -128,16 +131,18 @@ impl Located {
         self
     }
 
-    /// Returns a warning for each suspect link, and one for an implausible NIS.
+    /// Returns a warning for each suspect link, and one for an implausible NIS. `sigma_m` is the
+    /// standard deviation of a range.
     fn range_warnings(&self, sigma_m: f64) -> Vec<Diagnostic> {
         let suspects = self.links.iter().filter(|link| link.suspect);
         let suspects = suspects.map(|link| {
-            let refused = 100.0 * link.refused as f64 / link.ranges as f64;
-            let [median, scatter] = [link.median_m, link.scatter_m].map(|m| 100.0 * m);
+            let refused_percent = 100.0 * link.refused as f64 / link.ranges as f64;
+            let [median_cm, scatter_cm] = [link.median_m, link.scatter_m].map(|m| CM_PER_M * m);
             format!(
-                "{}: {refused:.0} % of the ranges refused, residuals with a median of {median:+.1} \
-                 cm and a scatter of {scatter:.1} cm: the range is biased, its error changes, an \
-                 anchor is not at its position in the file, or the clocks do not agree",
+                "{}: {refused_percent:.0} % of the ranges refused, residuals with a median of \
+                 {median_cm:+.1} cm and a scatter of {scatter_cm:.1} cm: the range is biased, its \
+                 error changes, an anchor is not at its position in the file, or the clocks do \
+                 not agree",
                 link.link
             )
         });
@@ -145,10 +150,11 @@ impl Located {
     }
 }
 
-/// Returns a warning if the mean normalized innovation squared is outside its interval.
+/// Returns a warning if the mean normalized innovation squared of `n` ranges is outside its
+/// interval. `sigma_m` is the assumed standard deviation of a range.
 fn nis_warning(nis: Option<f64>, n: usize, sigma_m: f64) -> Option<String> {
     let (nis, [least, most]) = (nis?, nis_interval(n));
-    let cm = 100.0 * sigma_m;
+    let cm = CM_PER_M * sigma_m;
     // Above the interval the covariance is too small, and below it the assumed noise is too large.
     if nis > most {
         Some(format!(

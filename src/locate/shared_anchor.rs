@@ -65,7 +65,7 @@ pub fn shared_anchor(heard: &[Vec<usize>]) -> Option<[usize; 3]> {
 }
 
 impl SharedAnchorObserver {
-    /// Returns the true ranges of drones at `positions_m`.
+    /// Returns the true ranges in m of drones at `positions_m`.
     pub fn ranges(&self, positions_m: &[Vector3<f64>; 2]) -> FiveRanges {
         FiveRanges {
             own_m: [0, 1].map(|i| (positions_m[i] - self.own_m[i]).norm()),
@@ -74,7 +74,8 @@ impl SharedAnchorObserver {
         }
     }
 
-    /// Returns the outputs `y_11`, `y_12` and `y_2`.
+    /// Returns the outputs `y_11`, `y_12` and `y_2` in m², which are linear in the positions except
+    /// for the product of both.
     pub fn outputs(&self, ranges: &FiveRanges) -> [f64; 3] {
         let [own_m2, common_m2] = [ranges.own_m, ranges.shared_m].map(|pair| pair.map(|d| d * d));
         let between_m2 = ranges.between_m * ranges.between_m;
@@ -85,6 +86,7 @@ impl SharedAnchorObserver {
     }
 
     /// Returns the correction of each estimate's rate, m/s, which is added to the drone's velocity.
+    /// `outputs` are those of [`Self::outputs`] for the measured ranges, m².
     pub fn corrections(
         &self,
         estimates_m: &[Vector3<f64>; 2],
@@ -130,6 +132,7 @@ pub fn locate_shared(
         let moved_m = moved_m(tracks, before_s, time_s);
         for sample in step {
             let slot = match sample.link {
+                // The order is that of `FIVE_LINKS`.
                 Link::Drones(..) => 4,
                 Link::Anchor { drone, anchor } if anchor == shared => 2 + drone,
                 Link::Anchor { drone, .. } => drone,
@@ -154,7 +157,8 @@ pub fn locate_shared(
     Ok(located.with_residuals(anchors_m, &samples, &Innovations::default(), 0.0))
 }
 
-/// Returns the anchors as [`shared_anchor`] does, or an error that names the missing links.
+/// Returns the anchors as [`shared_anchor`] does. Returns [`Error::Input`] with the anchors that
+/// were received if a link is missing.
 fn anchors_of_links(samples: &[RangeSample]) -> Result<[usize; 3]> {
     let mut heard = [BTreeSet::new(), BTreeSet::new()];
     let mut between = false;

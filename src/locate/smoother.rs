@@ -102,7 +102,7 @@ pub fn locate(
     Ok(located.with_residuals(anchors_m, &samples, &solved.innovations, options.range_sigma_m))
 }
 
-/// Returns an error for more ranges than [`locate`] accepts, for callers that collect ranges.
+/// Checks that `n` ranges are no more than [`locate`] accepts, for callers that collect ranges.
 ///
 /// # Errors
 ///
@@ -115,7 +115,7 @@ pub fn check_count(n: usize) -> Result<()> {
     Err(Error::input("ranges", "more ranges", wanted, FEWER))
 }
 
-/// Returns an error if a pass over the ranges requires more than [`MOST_WORK`] multiplications.
+/// Checks that a pass over the ranges requires at most [`MOST_WORK`] multiplications.
 fn check_work(n_drones: usize, samples: &[RangeSample]) -> Result<()> {
     let work = work(n_drones, samples);
     if work <= MOST_WORK {
@@ -127,7 +127,8 @@ fn check_work(n_drones: usize, samples: &[RangeSample]) -> Result<()> {
     Err(Error::input("ranges", actual, format!("at most {most:.0} million"), FEWER))
 }
 
-/// Returns the times of each drone's first and last range, or `[∞, −∞]` for a drone without ranges.
+/// Returns the times in s of each drone's first and last range, or `[∞, −∞]` for a drone without
+/// ranges.
 pub(super) fn heard_s(n_drones: usize, samples: &[RangeSample]) -> Vec<[f64; 2]> {
     let mut heard_s = vec![[f64::INFINITY, f64::NEG_INFINITY]; n_drones];
     for sample in samples {
@@ -149,7 +150,8 @@ impl Located {
         }
     }
 
-    /// Appends a time, with the position and covariance that `estimate` returns for each drone.
+    /// Appends a time, with the position (m) and covariance (m²) that `estimate` returns for each
+    /// drone.
     pub(super) fn push(
         &mut self,
         time_s: f64,

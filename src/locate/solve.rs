@@ -28,12 +28,12 @@ pub(super) struct Path {
 }
 
 impl Path {
-    /// Returns the means of a step.
+    /// Returns the means of the states of all drones at a step, in m and m/s.
     pub(super) fn states(&self, step: usize) -> &[f64] {
         &self.means[step * self.states..][..self.states]
     }
 
-    /// Replaces the states of a step. Returns the largest change in a mean.
+    /// Replaces the states of a step. Returns the largest change in a mean, in m or m/s.
     fn store(&mut self, step: usize, n_drones: usize, normal: &Normal) -> f64 {
         let stored = self.means[step * self.states..].iter_mut();
         let mut largest_change = 0.0_f64;
@@ -58,7 +58,7 @@ pub(super) struct Solution {
 }
 
 impl Solution {
-    /// Returns the positions of each drone at all steps.
+    /// Returns the positions in m of each drone at all steps.
     pub(super) fn positions_m(&self, n_drones: usize) -> Vec<Vec<Vector3<f64>>> {
         Vec::from_iter((0..n_drones).map(|drone| {
             let steps = 0..self.time_s.len();
@@ -75,6 +75,7 @@ impl Solution {
 }
 
 /// Runs passes over a log until the states converge, or one forward pass if `smooth` is false.
+/// Returns [`Error::Infeasible`] if a covariance becomes singular.
 pub(super) fn solve(
     model: &Model<'_>,
     samples: &[RangeSample],
@@ -84,7 +85,7 @@ pub(super) fn solve(
     Passes { model, samples, start, window: window(start.mean.len()) }.solve(smooth)
 }
 
-/// Returns the number of steps that fit in [`WINDOW_BYTES`].
+/// Returns the number of steps that fit in [`WINDOW_BYTES`], at least one.
 fn window(n_states: usize) -> usize {
     // A step contains two means, two covariances, and the entries of its transition.
     let numbers = 2 * n_states * (n_states + 2) + 3 * n_states;
@@ -108,7 +109,8 @@ struct Forward {
 }
 
 impl Passes<'_, '_> {
-    /// Runs passes until they converge, or only the first forward pass if `smooth` is false.
+    /// Runs passes until they converge, or only the first forward pass if `smooth` is false. The
+    /// path contains the states of the last pass.
     fn solve(&self, smooth: bool) -> Result<Solution> {
         let time_s: Vec<f64> = time_steps(self.samples).map(|step| step[0].time_s).collect();
         let (n, states) = (time_s.len(), self.start.mean.len());
@@ -133,7 +135,8 @@ impl Passes<'_, '_> {
     }
 
     /// Runs a forward pass, linearized about a path or, if that is `None`, about its own estimates.
-    /// Stores the states in `into`.
+    /// Stores the states in `into`. Returns the filters at the starts of the windows, and the steps
+    /// of the last window.
     fn forward(&self, about: Option<&Path>, mut into: Option<&mut Path>) -> Forward {
         let (mut window_starts, mut steps) = (Vec::new(), Vec::new());
         let (mut filter, mut innovations) = (self.model.filter(self.start), Innovations::default());
@@ -153,7 +156,8 @@ impl Passes<'_, '_> {
         Forward { window_starts, steps, innovations }
     }
 
-    /// Recomputes the steps of a window from the filter at its start.
+    /// Returns the steps of window `index`, recomputed from the filter at its start. `about` is the
+    /// path about which the forward pass was linearized.
     fn recomputed(&self, index: usize, window_start: &Filter, about: Option<&Path>) -> Vec<Step> {
         let (mut filter, mut unused) = (window_start.clone(), Innovations::default());
         let ranges = time_steps(&self.samples[window_start.ranges..]).take(self.window).enumerate();
@@ -164,7 +168,8 @@ impl Passes<'_, '_> {
     }
 
     /// Runs a backward pass, and stores the smoothed states in the path. `linearized` is true if
-    /// the forward pass was linearized about that path. Returns the largest change in a state.
+    /// the forward pass was linearized about that path. Returns the largest change in a state, or
+    /// an error if a covariance is singular.
     fn backward(
         &self,
         window_starts: &[Filter],
@@ -195,7 +200,7 @@ impl Passes<'_, '_> {
     }
 }
 
-/// Returns the error for a covariance that cannot be inverted.
+/// Returns the error for a covariance at a time in s that cannot be inverted.
 fn covariance_lost(time_s: f64) -> Error {
     Error::infeasible(
         format!("the filter has lost its covariance at {time_s:.2} s"),

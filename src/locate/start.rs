@@ -31,7 +31,8 @@ const LEAST_DECREASE_M2: f64 = 1e-9;
 const UNOBSERVABLE: f64 = 1e-4;
 
 /// Returns the state that best fits the ranges of each drone's first second, with zero velocities.
-/// Its covariance assumes ranges with a standard deviation of `sigma_m`.
+/// Its covariance assumes ranges with a standard deviation of `sigma_m`. Returns
+/// [`Error::Infeasible`] if the ranges do not determine the positions.
 pub(super) fn start(
     anchors_m: &[Vector3<f64>],
     heard_s: &[[f64; 2]],
@@ -78,7 +79,8 @@ pub(super) fn start(
     Ok(at_rest(&positions_m, &(inverse * variance)))
 }
 
-/// Returns the state of drones at rest, given their positions and the covariance of the positions.
+/// Returns the state of drones at rest, given their positions in m and the covariance of the
+/// positions. The velocities' standard deviation is [`START_SPEED_M_S`].
 fn at_rest(positions_m: &DVector<f64>, covariance_m2: &DMatrix<f64>) -> Normal {
     let n = positions_m.len();
     // Each drone has three position states followed by three velocity states.
@@ -94,7 +96,7 @@ fn at_rest(positions_m: &DVector<f64>, covariance_m2: &DMatrix<f64>) -> Normal {
     Normal::new(state, covariance)
 }
 
-/// Returns each link's mean range over the first second in which both drones have ranges.
+/// Returns the mean range of each link over the first second in which both drones have ranges.
 fn means(heard_s: &[[f64; 2]], samples: &[RangeSample]) -> Vec<Observation> {
     let mut sums: BTreeMap<Link, (f64, f64)> = BTreeMap::new();
     for sample in samples {
@@ -110,7 +112,8 @@ fn means(heard_s: &[[f64; 2]], samples: &[RangeSample]) -> Vec<Observation> {
     sums.map(|(link, (sum_m, count))| Observation { link, distance_m: sum_m / count }).collect()
 }
 
-/// Returns the positions with the lowest cost among fits from 27 starts around the anchors.
+/// Returns the positions in m with the lowest cost among fits from 27 starts around the anchors.
+/// `n` is the number of coordinates, and `means` contains the links' mean ranges.
 fn best_fit(
     anchors_m: &[Vector3<f64>],
     n: usize,
@@ -121,7 +124,7 @@ fn best_fit(
     let (middle_m, reach_m) = ((low_m + high_m) * 0.5, (high_m - low_m).max().max(1.0));
     let mut best = (f64::INFINITY, DVector::zeros(n));
     // Each k selects a different combination of the three offsets on the three axes.
-    for k in 0..27_usize {
+    for k in 0..AROUND.len().pow(3) {
         let around = [AROUND[k % 3], AROUND[k / 3 % 3], AROUND[k / 9]];
         let start_m = DVector::from_fn(n, |i, _| {
             // The drones start apart from each other, because otherwise the direction of the range

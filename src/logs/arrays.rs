@@ -59,7 +59,8 @@ pub fn doubts(flight: &Flight) -> Vec<Diagnostic> {
 /// Maximum fraction of repeated times that causes no warning. A log may repeat a few rows.
 const FEW_REPEATS: f64 = 0.01;
 
-/// Returns a warning if the drone moves while its clock stands still.
+/// Returns a warning if the drone moves while its clock stands still, in more than 1 % of the
+/// steps.
 fn repeated_times(samples: &[FlightSample]) -> Option<Diagnostic> {
     let moves_at_once = |pair: &&[FlightSample]| {
         pair[0].time_s == pair[1].time_s && pair[0].position_m != pair[1].position_m
@@ -78,7 +79,7 @@ fn repeated_times(samples: &[FlightSample]) -> Option<Diagnostic> {
 /// Median distance from the design that no actual flight reaches, m.
 const FAR_M: f64 = 1.0;
 
-/// Returns a warning if the flight is far from its design most of the time.
+/// Returns a warning if the flight is more than 1 m from its design most of the time.
 fn far_design(samples: &[FlightSample]) -> Option<Diagnostic> {
     let distance_m = |sample: &FlightSample| (sample.position_m - sample.design_m).norm();
     let mut distances_m: Vec<f64> = samples.iter().map(distance_m).collect();
@@ -93,7 +94,7 @@ fn far_design(samples: &[FlightSample]) -> Option<Diagnostic> {
     })
 }
 
-/// Returns the position and attitude of a flight as columns of a table.
+/// Returns the position in m and the attitude of a flight as columns of a table.
 fn pose_columns(samples: &[FlightSample]) -> Block {
     let columns = [Quantity::Position, Quantity::Attitude].into_iter().flat_map(|quantity| {
         let names = Quantity::TABLE[quantity as usize].2;

@@ -53,7 +53,8 @@ pub(super) fn variables(folder: &Path) -> Result<Option<Vec<Variable>>> {
     Ok(NAMES[..3].iter().all(|(name, _)| has(name)).then_some(variables))
 }
 
-/// Splits a name such as `vx0` or `rpm3-0` into the variable and the drone's number.
+/// Splits a name such as `vx0` or `rpm3-0` into the variable and the drone's number. Returns `None`
+/// for names without a number.
 fn variable(stem: &str) -> Option<(String, usize)> {
     let name = stem.trim_end_matches(|c: char| c.is_ascii_digit());
     let number = stem[name.len()..].parse().ok()?;
@@ -100,7 +101,8 @@ pub(super) fn read(variables: &[Variable], job: Job<'_>) -> Result<Recording> {
     Ok(log)
 }
 
-/// Reads the times and the values from a variable's file.
+/// Reads the times in s and the values from a variable's file. Returns [`Error::Input`] for a file
+/// with titles or with other than two columns.
 fn columns(path: &Path, job: Job<'_>) -> Result<[Vec<f64>; 2]> {
     let file = path.display().to_string();
     let bytes = super::read(path)?;

@@ -9,12 +9,18 @@ use super::titles::meaning;
 const HINT: &str = "correct or cut the file, because each line needs one number per column";
 
 pub(super) const DAY_S: f64 = 86_400.0;
+/// Duration of an hour, s.
+pub(super) const HOUR_S: f64 = 3600.0;
+/// Duration of a minute, s.
+const MINUTE_S: f64 = 60.0;
+/// Number of milliseconds in a second.
+pub(super) const MS_PER_S: f64 = 1e3;
 /// Maximum length of a text that is parsed as a date, in bytes.
 const LONGEST_DATE: usize = 48;
 
-/// Reads the rows below a header. Also returns which columns contain dates or times of day, whose
-/// values are in seconds. A text is an error if `is_needed` is true for its column, otherwise a
-/// note.
+/// Reads the rows below a header. Also returns for each column whether it contains dates or times
+/// of day, whose values are in seconds. Returns [`Error::Input`] for a text if `is_needed` is true
+/// for its column's title. Other texts become a note.
 pub(super) fn read_rows(
     text: &Text<'_>,
     head: Head,
@@ -63,7 +69,8 @@ fn value(cell: &str) -> Option<(f64, bool)> {
     number(cell).map(|value| (value, false)).or_else(|| Some((seconds_from_date(cell)?, true)))
 }
 
-/// Parses a number. Returns NaN for a missing value, and `None` for any other text.
+/// Parses a number. Returns NaN for a missing value, 1 or 0 for a truth value, and `None` for any
+/// other text.
 fn number(cell: &str) -> Option<f64> {
     match cell {
         "" | "None" | "none" | "null" | "NA" | "N/A" => Some(f64::NAN),
@@ -122,10 +129,12 @@ pub(super) fn seconds_from_date(cell: &str) -> Option<f64> {
         return None;
     }
     let days = date.map_or(Some(0), days_from_date)? as f64;
-    Some(days * DAY_S + hours * 3600.0 + minute * 60.0 + second + millis / 1e3 - east_s)
+    let minutes_s = days * DAY_S + hours * HOUR_S + minute * MINUTE_S;
+    Some(minutes_s + second + millis / MS_PER_S - east_s)
 }
 
-/// Removes `am` or `pm` from a text. Returns the rest, and true for `pm` or false for `am`.
+/// Removes `am` or `pm` from a text in lower case. Returns the rest, and true for `pm` or false for
+/// `am`.
 fn half_day(text: &str) -> (&str, Option<bool>) {
     let halves = [("am", false), ("a.m.", false), ("pm", true), ("p.m.", true)];
     let half = halves.iter().find_map(|(end, pm)| Some((text.strip_suffix(end)?, *pm)));
@@ -147,7 +156,8 @@ fn zone(time: &str) -> Option<(&str, f64)> {
         (3 | 4, Ok(both)) => both / 100 * 60 + both % 100,
         _ => return None,
     };
-    let sign = if zone.starts_with('-') { -60.0 } else { 60.0 };
+    let sign = if zone.starts_with('-') { -MINUTE_S } else { MINUTE_S };
+    // The easternmost zone is 14 hours ahead.
     (minutes <= 14 * 60).then(|| (before.trim_end(), sign * f64::from(minutes)))
 }
 
@@ -157,16 +167,17 @@ const MONTHS: [&str; 12] = [
     "dec dez",
 ];
 
-/// Returns the number of a month, given its name.
+/// Returns the number of a month from 1 to 12, given its name or the first three letters of its
+/// name in lower case. Returns `None` for other words.
 fn month(name: &str) -> Option<i64> {
     let first: String = name.chars().take(3).collect();
     let mut months = (1..).zip(MONTHS);
     Some(months.find(|(_, names)| names.split(' ').any(|listed| listed == first))?.0)
 }
 
-/// Returns the days since 1970-01-01 of a date. The order is year, month, day if the first number
-/// exceeds 31, otherwise month, day, year. The day comes first in dates with points, as in German,
-/// and if the first number exceeds 12.
+/// Returns the days since 1970-01-01 of a date, or `None` if it is not one. The order is year,
+/// month, day if the first number exceeds 31, otherwise month, day, year. The day comes first in
+/// dates with points, as in German, and if the first number exceeds 12.
 fn days_from_date(date: &str) -> Option<i64> {
     if let Some(days) = date.strip_suffix(" days") {
         return days.parse().ok().filter(|days| (0..100_000).contains(days));
@@ -188,6 +199,7 @@ fn days_from_date(date: &str) -> Option<i64> {
     // Years are counted from March, so that the leap day comes last (Hinnant, days_from_civil).
     let year = if month <= 2 { year - 1 } else { year };
     let month = (month + 9) % 12;
+    // From March on, five months have 153 days. 1970 began 719,468 days after March of year 0.
     let day_of_year = (153 * month + 2) / 5 + day - 1;
     Some(365 * year + year / 4 - year / 100 + year / 400 + day_of_year - 719_468)
 }

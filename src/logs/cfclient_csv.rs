@@ -24,7 +24,7 @@ pub(super) fn may_be_cfclient(path: &Path) -> bool {
     ending(path) == "csv"
 }
 
-/// Reads a file as a recording of one block.
+/// Reads a file as a recording of one block, whose times are in ms of the drone's clock.
 pub(super) fn read(text: &Text<'_>, head: Head, job: Job<'_>) -> Result<Recording> {
     let (sheet, _) = cells::read_rows(text, head, job, |_| true)?;
     let mut columns =
@@ -33,7 +33,7 @@ pub(super) fn read(text: &Text<'_>, head: Head, job: Job<'_>) -> Result<Recordin
     let times_ms = columns.next().map(|times| times.values).unwrap_or_default();
     let block = Block {
         name: Path::new(job.file).file_stem().unwrap_or_default().to_string_lossy().into_owned(),
-        time_s: times_ms.into_iter().map(|ms| ms / 1000.0).collect(),
+        time_s: times_ms.into_iter().map(|ms| ms / cells::MS_PER_S).collect(),
         columns: columns.collect(),
         ..Block::default()
     };
@@ -47,7 +47,8 @@ pub(super) fn read(text: &Text<'_>, head: Head, job: Job<'_>) -> Result<Recordin
     Ok(log)
 }
 
-/// Reads the cfclient files in a folder, sorted by name, as one recording.
+/// Reads the cfclient files in a folder, sorted by name, as one recording. Returns
+/// [`noctograph_core::error::Error::Input`] if the folder contains none.
 pub(super) fn read_folder(path: &Path, job: Job<'_>) -> Result<Recording> {
     let Job { budget, .. } = job;
     let mut log = Recording::new(job.file);

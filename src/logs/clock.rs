@@ -39,7 +39,7 @@ pub(super) fn repaired(mut log: Recording, options: &ImportOptions) -> Result<Re
     Ok(log)
 }
 
-/// Returns an error for rows out of order, except for a few wraps, restarts or spikes.
+/// Returns [`Error::Input`] for rows out of order, except for a few wraps, restarts or spikes.
 fn check_order(block: &Block, file: &str) -> Result<()> {
     let n = block.time_s.len();
     if n > 2 && block.time_s.iter().all(|time_s| *time_s == block.time_s[0]) {
@@ -55,6 +55,7 @@ fn check_order(block: &Block, file: &str) -> Result<()> {
 }
 
 /// Undoes a block's wraps, drops spikes, and keeps only the longest stretch between restarts.
+/// `wrap_s` is the time after which the clock begins again at zero, if it does.
 fn repair_block(block: &mut Block, wrap_s: Option<f64>, warnings: &mut Vec<Diagnostic>) {
     let Block { name, time_s, columns, .. } = block;
     let n = time_s.len();
@@ -114,8 +115,9 @@ fn repair_block(block: &mut Block, wrap_s: Option<f64>, warnings: &mut Vec<Diagn
     );
 }
 
-/// Returns the number of stretches between restarts, and the indices of the longest stretch. A
-/// stretch ends at its latest time, which excludes repeated zeros after the end of a log.
+/// Returns the number of stretches between restarts, and the indices of the longest stretch among
+/// the indices `kept`. A stretch ends at its latest time, which excludes repeated zeros after the
+/// end of a log.
 fn longest_stretch(time_s: &[f64], kept: &[usize]) -> (usize, Vec<usize>) {
     let stretches = kept.chunk_by(|a, b| time_s[*b] >= time_s[*a] - RESTART_S);
     let timed = stretches.clone().map(|stretch| {
@@ -139,7 +141,8 @@ fn without_spikes(time_s: &[f64], indices: Vec<usize>) -> Vec<usize> {
     kept
 }
 
-/// Adds `wrap_s` after each backward step of more than half of it. Returns the number of wraps.
+/// Adds `wrap_s` to the times at the indices `kept`, after each backward step of more than half of
+/// it. Returns the number of wraps.
 fn undo_wraps(time_s: &mut [f64], kept: &[usize], wrap_s: f64) -> u32 {
     let (mut wraps, mut last_s) = (0, f64::NEG_INFINITY);
     for &i in kept {
@@ -165,7 +168,8 @@ fn join_wraps(blocks: &mut [Block], wrap_s: f64) {
 }
 
 /// Returns the seconds of the drone's clock per true second. For a µSD log this is the rate that
-/// its times indicate, otherwise that of its firmware or of `assumed`. Warns of guesses.
+/// its times indicate, otherwise that of its firmware or of `assumed`. Warns of guesses. Other logs
+/// have a true clock.
 fn clock_rate(log: &mut Recording, assumed: Option<Release>) -> f64 {
     if !log.is_on_card {
         return 1.0;
@@ -212,11 +216,13 @@ fn clock_rate(log: &mut Recording, assumed: Option<Release>) -> f64 {
 /// Returns the clock rate that a block's times indicate, or `None` if the block has no usual
 /// period. The card is written at true ticks of the system, but with times of the drone's clock.
 fn shown_rate(block: &Block) -> Option<f64> {
-    /// Usual periods, and the maximum relative deviation of the mean step, averaged near the
-    /// median.
+    /// Usual periods.
     const PERIODS_S: [f64; 9] = [0.001, 0.002, 0.004, 0.005, 0.01, 0.02, 0.025, 0.05, 0.1];
+    /// Maximum deviation of the mean step, as a fraction of a usual period.
     const TOLERANCE: f64 = 0.004;
+    /// Steps within this fraction of the median are averaged.
     const SPREAD: f64 = 0.3;
+    /// With fewer steps the rate is unknown.
     const MIN_STEPS: usize = 50;
     let steps: Vec<f64> = block.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let middle_s = median(steps.iter().copied())?;

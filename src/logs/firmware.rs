@@ -12,7 +12,7 @@ use noctograph_core::diagnostic::Diagnostic;
 const LINES: usize = 100;
 const BYTES: usize = 200;
 
-/// Returns the firmware that a comment at the start of a table states.
+/// Returns the firmware that a comment at the start of a table states, as it is written there.
 pub(super) fn in_comments(text: &[u8]) -> Option<String> {
     let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);
     let lines = text.split(|byte| matches!(byte, b'\n' | b'\r')).take(LINES);

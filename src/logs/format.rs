@@ -20,9 +20,12 @@ pub(super) enum Format<'a> {
 }
 
 impl<'a> Format<'a> {
-    /// Recognizes the format of a log. Known formats of other programs, some of which look like
-    /// tables, are rejected first.
+    /// Recognizes the format of a log from its first bytes and its header. Known formats of other
+    /// programs, some of which look like tables, are rejected first. Returns [`Error::Input`] for
+    /// an unknown format.
     pub(super) fn recognized(bytes: &'a [u8], file: &str) -> Result<Self> {
+        /// Number of bytes of an unknown file that the error shows.
+        const SHOWN: usize = 24;
         refuse_foreign(bytes, file)?;
         if bytes.first() == Some(&usd::MAGIC) {
             return Ok(Self::Card);
@@ -44,7 +47,7 @@ impl<'a> Format<'a> {
         if is_flight(&head) {
             Ok(Self::Flight(text, head))
         } else if head.n_columns < 2 || head.titles.iter().any(|title| title.contains(is_odd)) {
-            let start = String::from_utf8_lossy(&content[..content.len().min(24)]);
+            let start = String::from_utf8_lossy(&content[..content.len().min(SHOWN)]);
             Err(unknown(file, format_args!("a file that begins with {start:?}")))
         } else if is_cfclient(&head) {
             Ok(Self::Cfclient(text, head))
@@ -54,8 +57,8 @@ impl<'a> Format<'a> {
     }
 }
 
-/// Returns true for a flight file. Its first columns are a pose, or its first column is the time
-/// and another column contains letters. A table with ranges is an imported log instead.
+/// True for a flight file. Its first columns are a pose, or its first column is the time and
+/// another column contains letters. A table with ranges is an imported log instead.
 fn is_flight(head: &Head) -> bool {
     let begins = head.titles.first().is_some_and(|title| title == FLIGHT[0]);
     head.titles.starts_with(&FLIGHT.map(str::to_owned))
@@ -128,7 +131,8 @@ const FORMATS: [(&[u8], &str, &str); 31] = [
     (b"{\\rtf", "an RTF document", "save the log as plain text, with a header t,x,y,z"),
 ];
 
-/// Returns an error for a file in one of [`FORMATS`], with a hint on converting it to a table.
+/// Returns [`Error::Input`] for a file in one of [`FORMATS`], with a hint on converting it to a
+/// table.
 fn refuse_foreign(bytes: &[u8], file: &str) -> Result<()> {
     let foreign = FORMATS.iter().find(|(first_bytes, ..)| bytes.starts_with(first_bytes));
     foreign.map_or(Ok(()), |(_, what, hint)| {

@@ -33,7 +33,8 @@ const DRIFT_M: f64 = 0.08;
 /// Maximum height above the lowest position of a drone that counts as on the floor.
 const FLOOR_M: f64 = 0.05;
 
-/// Converts the plain columns of a log to a world frame with z up.
+/// Converts the plain columns of a log to a world frame with z up. Returns [`Error::Input`] if the
+/// flight shows two axes that may point up.
 pub(super) fn with_z_up(mut log: Recording, options: &ImportOptions) -> Result<Recording> {
     // An option takes precedence over the format, and the format over the inferred axes.
     let (axes, why) = match (options.axes, log.axes) {
@@ -63,7 +64,7 @@ pub(super) fn with_z_up(mut log: Recording, options: &ImportOptions) -> Result<R
     Ok(log)
 }
 
-/// Rotates the vectors and angles of a block from `axes` to z up.
+/// Rotates the vectors and angles of a block from `axes`, which have z down or y up, to z up.
 fn rotate_to_z_up(block: &mut Block, axes: Axes) {
     if axes == Axes::ZDown {
         // A half turn about x keeps x and changes the signs of y and z.
@@ -91,7 +92,7 @@ fn negate(column: Option<&mut Column>) {
     values.for_each(|value| *value = -*value);
 }
 
-/// Returns a reason if positions probably do not have z up.
+/// Returns a reason if positions probably do not have z up, as a part of a sentence.
 pub(super) fn axes_doubt(recording: &Recording) -> Option<String> {
     let (axes, why) = match inferred(recording) {
         Ok((axes, why)) => (axes, why?),
@@ -111,7 +112,7 @@ pub(super) fn axes_doubt(recording: &Recording) -> Option<String> {
     }
 }
 
-/// Returns the positions of a block's complete rows, if there are more than two.
+/// Returns the positions in m of a block's complete rows, if there are more than two.
 fn positions_m(block: &Block) -> Option<Vec<[f64; 3]>> {
     let [x, y, z] = ["x_m", "y_m", "z_m"].map(|name| block.column(name));
     let rows = x?.values.iter().zip(&y?.values).zip(&z?.values).map(|((x, y), z)| [*x, *y, *z]);
@@ -125,6 +126,7 @@ fn z_up_guess(seen: &str) -> (Axes, Option<String>) {
 }
 
 /// Returns the axes inferred from the flight with the reason, or `Auto` and possibly a warning.
+/// Returns [`Error::Input`] if two axes may point up.
 fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
     let none = Ok((Axes::Auto, None));
     let Some(rows) = recording.blocks.iter().find_map(positions_m) else { return none };
@@ -177,12 +179,14 @@ fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
     Ok((axes, Some(why)))
 }
 
-/// Returns true if the flight begins or ends with a climb from its lowest position along one axis.
+/// True if the flight begins or ends with a climb from its lowest position along one axis. The axis
+/// points up for a `sign` of 1, and down for -1.
 fn takes_off(rows: &[[f64; 3]], axis: usize, sign: f64) -> bool {
     climbs(rows.iter(), rows, axis, sign) || climbs(rows.iter().rev(), rows, axis, sign)
 }
 
-/// Returns true if the rows, ordered by `from_end`, begin at the lowest position and climb.
+/// True if the rows, ordered by `from_end`, begin at the lowest position and climb along one axis.
+/// The axis points up for a `sign` of 1, and down for -1.
 fn climbs<'a>(
     mut from_end: impl Iterator<Item = &'a [f64; 3]>,
     rows: &[[f64; 3]],

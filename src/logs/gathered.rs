@@ -98,7 +98,8 @@ fn is_of_script(path: &Path) -> bool {
 }
 
 impl GatheredLog {
-    /// Determines a log's drone and relative path.
+    /// Determines a log's drone and its path within the folder. The drone is the one that the log
+    /// names, otherwise the subfolder, otherwise the first word of the file's name.
     fn new(path: PathBuf, folder: &Path) -> Self {
         let within = path.strip_prefix(folder).unwrap_or(&path).to_owned();
         let mut parts = within.iter().map(|part| part.to_string_lossy().into_owned());
@@ -112,7 +113,8 @@ impl GatheredLog {
     }
 }
 
-/// Returns the serial number or the address of the drone that a script wrote to its log.
+/// Returns the serial number or the address of the drone that a script wrote to its log, or `None`
+/// for other logs.
 fn named_drone(path: &Path) -> Option<String> {
     let about = script_entry(&LIMIT.beginning(path, HEAD_BYTES).ok()?)?;
     let [serial, uri] =
@@ -120,7 +122,7 @@ fn named_drone(path: &Path) -> Option<String> {
     serial.map(str::to_owned).or_else(|| uri.map(address))
 }
 
-/// Returns the scene (TOML) that an exported script wrote to its log.
+/// Returns the scene (TOML) that an exported script wrote to its log, or `None` for other logs.
 pub fn scene_in(log: &Path) -> Option<String> {
     let head = LIMIT.beginning(log, HEAD_BYTES).ok()?;
     let is_json = Text::of_unicode(&head).trim_ascii_start().starts_with(b"{");

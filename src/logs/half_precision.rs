@@ -20,7 +20,8 @@ const DECIMALS: [f64; 8] = [1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7];
 /// Minimum size of a value in decimal steps. Smaller values are counts rather than measurements.
 const STEPS: f64 = 64.0;
 
-/// Doubles samples that lost their carry, with a warning, unless the firmware keeps the carry.
+/// Doubles samples that lost their carry, with a warning. Logs of firmware that keeps the carry are
+/// not changed.
 pub(super) fn restored(mut log: Recording) -> Recording {
     let release = log.firmware.as_deref().and_then(Release::parse);
     if release.is_some_and(|release| release.has(&Feature::HALF_PRECISION)) {
@@ -71,26 +72,30 @@ fn rows_without_carry(values: &[f64]) -> Vec<usize> {
     rows
 }
 
-/// Returns true if a value may have lost its carry, which yields ±1 times a power of 4.
+/// True if a value may have lost its carry, which yields ±1 times a power of 4.
 fn may_have_lost(value: f64) -> bool {
+    // The ten lowest bits are the fraction. The exponent of a power of 4 is odd, since 15 is added.
     let bits = f16::from_f64(value).to_bits();
     bits & 0x03ff == 0 && bits >> 10 & 1 == 1
 }
 
-/// Returns true if all values have half precision, up to the rounding of their printed digits, and
-/// if these digits resolve `value`.
+/// True if all values have half precision, up to the rounding of their printed digits, and if these
+/// digits resolve `value`.
 fn may_be_half(values: &[f64], value: f64) -> bool {
+    /// Relative error of a decimal number that was converted to binary, and of half a step.
+    const ROUNDING: f64 = 1e-9;
+    const HALF_STEP: f64 = 0.5 * (1.0 + 1e-6);
     let finite = || values.iter().filter(|value| value.is_finite());
     let are_whole = |scale: &f64| {
         finite().all(|value| {
             let scaled = value * scale;
-            (scaled - scaled.round()).abs() <= 1e-9 * scaled.abs().max(1.0)
+            (scaled - scaled.round()).abs() <= ROUNDING * scaled.abs().max(1.0)
         })
     };
     // The rounding is limited by the printed step, which is zero for binary numbers.
     let step = DECIMALS.into_iter().find(are_whole).map_or(0.0, f64::recip);
     let is_half =
-        |value: &f64| (value - f64::from(f16::from_f64(*value))).abs() <= 0.5 * step * (1.0 + 1e-6);
+        |value: &f64| (value - f64::from(f16::from_f64(*value))).abs() <= HALF_STEP * step;
     step <= value.abs() / STEPS && finite().all(is_half)
 }
 

@@ -47,7 +47,7 @@ const TEXT_CHARS: usize = 40;
 const HINT: &str = "give a log as the AE483 client writes it: {\"stateEstimate.x\": {\"time\": \
                     [...], \"data\": [...]}, ...}";
 
-/// Reads a JSON log.
+/// Reads a JSON log. Returns [`Error::Input`] for other JSON, and for data that exceed the budget.
 pub(super) fn read(text: &Text<'_>, job: Job<'_>) -> Result<Recording> {
     let Job { file, options, budget } = job;
     budget.steps(BYTE_STEPS * text.bytes.len())?;
@@ -88,15 +88,16 @@ pub(super) fn read(text: &Text<'_>, job: Job<'_>) -> Result<Recording> {
     Ok(log)
 }
 
-/// Returns true if the error means that the text ends too early, even within a number.
+/// True if the error means that the text ends too early, even within a number.
 fn is_cut(source: &serde_json::Error, text: &[u8]) -> bool {
     let last = text.rsplit(|byte| *byte == b'\n').next().unwrap_or_default();
     let is_number = last.last().is_some_and(|byte| b"-+.eE".contains(byte));
     source.is_eof() || is_number && source.column() == last.len()
 }
 
-/// Returns an error for the truncated log of an exported script. Such a log contains one variable
-/// after another, so the remaining part lacks variables and is not just a shorter flight.
+/// Returns [`Error::Input`] for the truncated log of an exported script. Such a log contains one
+/// variable after another, so the remaining part lacks variables and is not just a shorter flight.
+/// `place` is the line and column of its end.
 fn refuse_cut_script(text: &[u8], file: &str, place: &str) -> Result<()> {
     let head = text.trim_ascii_start().strip_prefix(b"{").unwrap_or_default();
     if !head.trim_ascii_start().starts_with(b"\"noctograph\"") {
@@ -108,7 +109,7 @@ fn refuse_cut_script(text: &[u8], file: &str, place: &str) -> Result<()> {
     Err(Error::input(file, cut, "the whole log", hint))
 }
 
-/// Returns an error for two output formats of pandas' `to_json` that are not supported.
+/// Returns [`Error::Input`] for two output formats of pandas' `to_json` that are not supported.
 fn refuse_pandas(top: &Members<'_>, file: &str) -> Result<()> {
     let is_split = top.contains_key("columns") && top.contains_key("index");
     if !top.contains_key("data") || !(is_split || top.contains_key("schema")) {
@@ -119,8 +120,9 @@ fn refuse_pandas(top: &Members<'_>, file: &str) -> Result<()> {
     Err(Error::input(file, form, "records or columns", hint))
 }
 
-/// Converts all times to seconds. A clock's unit is determined by its fastest block, because blocks
-/// of events have arbitrary steps.
+/// Converts all times to seconds. `wanted` is their unit, if it is known. Otherwise a clock's unit
+/// is determined by its fastest block, because blocks of events have arbitrary steps. `in_seconds`
+/// is true for dialects whose times are usually in seconds.
 pub(super) fn resolve_units(log: &mut Recording, in_seconds: bool, wanted: TimeUnit) {
     for clock in [Clock::Drone, Clock::Mocap] {
         let mut blocks = Vec::from_iter(log.blocks.iter_mut().filter(|block| block.clock == clock));
@@ -143,8 +145,9 @@ pub(super) fn resolve_units(log: &mut Recording, in_seconds: bool, wanted: TimeU
     }
 }
 
-/// Returns the unit of time, in seconds, that fits a step. Log periods are 10 ms to 2.55 s, so
-/// larger numbers are milliseconds and numbers below 0.5 are seconds. Others depend on the dialect.
+/// Returns the unit of time in seconds that fits a step. Log periods are 10 ms to 2.55 s, so larger
+/// numbers are milliseconds and numbers below 0.5 are seconds. Others depend on the dialect, which
+/// usually has seconds if `in_seconds` is true.
 fn unit_s(step: f64, in_seconds: bool) -> f64 {
     match step {
         step if step.is_infinite() && in_seconds => 1.0,
@@ -205,7 +208,8 @@ pub(super) fn replace_nan(text: &mut [u8]) -> usize {
     deepest
 }
 
-/// Truncates an incomplete text after its last complete member, and closes the open brackets.
+/// Truncates an incomplete text after its last complete member, and appends the missing closing
+/// brackets.
 fn close(text: &mut Vec<u8>) {
     let (mut open, mut cut) = (Vec::new(), (0, Vec::new()));
     let (mut in_string, mut escaped) = (false, false);
@@ -282,6 +286,7 @@ struct Reader<'a> {
 
 impl<'a> Reader<'a> {
     /// Reads the outermost value, which is rows, or an object with variables, blocks and folders.
+    /// Returns [`Error::Input`] for other values.
     fn top(&mut self, value: &'a RawValue) -> Result<()> {
         let file = Place::file(&self.log.file);
         if let Some(list) = self.list(value)? {
@@ -301,7 +306,8 @@ impl<'a> Reader<'a> {
         Err(Error::input(file, "JSON with another structure", wanted, HINT))
     }
 
-    /// Reads an object: a variable, metadata, or a folder with columns and other members.
+    /// Reads an object: a variable, metadata, or a folder with columns and other members. `name` is
+    /// its path in the log, with dots, and is empty for the outermost object.
     fn object(&mut self, name: &str, value: &'a RawValue) -> Result<()> {
         let mut members = self.members(value)?;
         if name.is_empty() {
@@ -338,7 +344,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Adds a variable.
+    /// Adds a variable, given the JSON lists of its times and values.
     fn variable(&mut self, name: &str, time: &'a RawValue, data: &'a RawValue) -> Result<()> {
         let mut time_s = self.numbers(&format!("{name}.time"), time)?;
         let mut values = self.numbers(&format!("{name}.data"), data)?;
@@ -347,7 +353,8 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Converts a folder's lists to columns if one of them contains times. Other members remain.
+    /// Converts a folder's lists to columns of one block if one of them contains times, and removes
+    /// them from `members`. Other members remain.
     fn columns(&mut self, folder: &str, members: &mut Members<'a>) -> Result<()> {
         let (mut titles, mut stamps) = (Vec::new(), Vec::new());
         for (title, value) in &*members {
@@ -378,7 +385,7 @@ impl<'a> Reader<'a> {
         self.table(folder, (&time, time_s), columns)
     }
 
-    /// Returns an error for a list that contains the names of several drones.
+    /// Returns [`Error::Input`] for a list that contains the names of several drones.
     fn check_owners(&self, title: &str, value: &'a RawValue) -> Result<()> {
         let items = self.list(value)?.map_or(Vec::new(), |list| list.items);
         let mut texts = Vec::new();
@@ -458,7 +465,8 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Adds columns of equal length as a block. Outside a folder, names may be those of plain CSV.
+    /// Adds columns of equal length as a block. `time` is the title of the times, which are in the
+    /// unit of the title or in the log's unit. Outside a folder, names may be those of plain CSV.
     fn table(
         &mut self,
         folder: &str,
@@ -512,7 +520,8 @@ impl<'a> Reader<'a> {
         values.truncate(n_time);
     }
 
-    /// Returns the numbers of a list. Any other value is an error.
+    /// Returns the numbers of a list, with NaN for missing ones. Returns [`Error::Input`] for any
+    /// other value.
     fn numbers(&self, name: &str, value: &'a RawValue) -> Result<Vec<f64>> {
         const WANTED: &str = "a list of numbers";
         // Only the numbers remain in memory, so the budget for the slices is released.
@@ -543,7 +552,8 @@ impl<'a> Reader<'a> {
         Ok(if prefix.is_empty() { key.to_owned() } else { format!("{prefix}.{key}") })
     }
 
-    /// Returns a list given by brackets or by indices, or `None` for any other value.
+    /// Returns a list given by brackets or by indices, or `None` for any other value. Indices that
+    /// count from zero are left out.
     fn list(&self, value: &'a RawValue) -> Result<Option<List<'a>>> {
         if value.get().starts_with('[') {
             return Ok(Some(List { items: self.items(value)?, indices: Vec::new() }));
@@ -577,7 +587,7 @@ impl<'a> Reader<'a> {
         self.split(value, ITEM_BYTES)
     }
 
-    /// Splits an object or a list. Each part is charged `bytes` of the budget.
+    /// Splits an object or a list into `T`. Each part is charged `bytes` of the budget.
     fn split<T: serde::Deserialize<'a>>(&self, value: &'a RawValue, bytes: usize) -> Result<T> {
         // The budget is checked first, because a text full of commas would exhaust the memory.
         let text = value.get();
@@ -586,7 +596,8 @@ impl<'a> Reader<'a> {
         serde_json::from_str(text).ok().ok_or_else(|| self.broken(value))
     }
 
-    /// Parses a number or a text. Only the kind of a list or object is returned.
+    /// Parses a number, a truth value as 1 or 0, or a text. A time of day becomes its seconds. Only
+    /// the kind of a list or object is returned.
     fn cell(&self, value: &RawValue) -> Result<Cell> {
         self.budget.steps(VALUE_STEPS)?;
         let text = value.get();

@@ -248,7 +248,8 @@ pub fn import_bytes(bytes: &[u8], file: &str, options: &ImportOptions) -> Result
     Ok(on_clock(bytes, file, options)?.flight)
 }
 
-/// Recognizes the format of a log, and reads it with the corresponding reader.
+/// Recognizes the format of a log, and reads it with the corresponding reader. `file` names the log
+/// in errors.
 fn on_clock(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock> {
     let budget = Budget::new(file, HINT);
     let job = Job { file, options, budget: &budget };
@@ -274,7 +275,7 @@ fn on_clock(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock
     flight(recording, job)
 }
 
-/// Replaces the position in a flight with its estimate.
+/// Replaces the position in a flight with the drone's own estimate of it.
 fn use_estimate(flight: &mut Flight) {
     flight.edit(|flight| {
         for sample in &mut flight.samples {
@@ -296,7 +297,8 @@ struct Job<'a> {
     budget: &'a Budget,
 }
 
-/// Converts a recording to a flight. Each step depends on the previous steps.
+/// Converts a recording to a flight. Each step depends on the previous steps. Returns the errors of
+/// [`import`].
 fn flight(recording: Recording, Job { options, budget, .. }: Job<'_>) -> Result<OnClock> {
     recording.check(budget)?;
     // From here on, columns are looked up by name.
@@ -315,7 +317,7 @@ fn flight(recording: Recording, Job { options, budget, .. }: Job<'_>) -> Result<
     mapper::flight(recording, options, budget)
 }
 
-/// Returns the error for a file of unknown format.
+/// Returns the error for a file of unknown format, whose content is described in words.
 fn unknown(file: &str, content: impl std::fmt::Display) -> Error {
     Error::input(
         file,
@@ -336,7 +338,7 @@ impl TimeUnit {
             Self::Microseconds => Some(1e-6),
             Self::Nanoseconds => Some(1e-9),
             Self::Minutes => Some(60.0),
-            Self::Hours => Some(3600.0),
+            Self::Hours => Some(cells::HOUR_S),
             Self::Days => Some(cells::DAY_S),
         }
     }

@@ -19,7 +19,8 @@ use noctograph_core::product::MAX_QUANTITY;
 /// Work budget in steps for looking up a channel's value at one time.
 const STEPS: usize = 50;
 
-/// Converts a recording with repaired times to a flight.
+/// Converts a recording with repaired times to a flight. Returns [`Error::Input`] for a log without
+/// a usable quantity, and for implausible numbers.
 pub(super) fn flight(
     mut recording: Recording,
     options: &ImportOptions,
@@ -64,7 +65,7 @@ pub(super) fn flight(
     Ok(OnClock { flight, zero_stamp_s, firmware: recording.firmware })
 }
 
-/// Returns an error for a log without any quantity, or without the requested position.
+/// Returns [`Error::Input`] for a log without any quantity, or without the requested position.
 fn check_quantities(
     recording: &Recording,
     quantities: &Quantities,
@@ -139,7 +140,9 @@ struct Mapper<'a> {
 
 impl Mapper<'_> {
     /// Returns a grid at the sample rate over the time covered by both position and attitude,
-    /// without gaps. Without a pose, returns the times of the longest block.
+    /// without gaps. Without a pose, returns the times of the longest block. Returns
+    /// [`Error::Input`] if position and attitude were never logged at once, or for more than an
+    /// hour.
     fn axis(&self, budget: &Budget) -> Result<Axis> {
         let Self { recording, quantities, options } = self;
         let pose = [Quantity::Position, Quantity::Attitude].into_iter().flat_map(|quantity| {
@@ -163,6 +166,7 @@ impl Mapper<'_> {
         let end_s = pose.iter().map(|(_, channel)| channel.end_s()).fold(last_s, f64::min);
         let span_s = end_s - start_s;
         check_span(recording, span_s)?;
+        // A span that is whole up to rounding contains its last step.
         let last_step = (span_s * options.sample_rate_hz + 1e-6).floor();
         if last_step < 0.0 {
             let log = "position and attitude that were never logged at the same time";
@@ -186,15 +190,19 @@ impl Mapper<'_> {
         Ok(axis)
     }
 
-    /// Interpolates a measured value. Returns `None` in gaps that exceed both the setting and two
-    /// and a half periods of a slower log.
+    /// Interpolates a measured value in the quantity's unit. Returns `None` in gaps that exceed
+    /// both the setting and two and a half periods of a slower log.
     fn interpolated(&self, (quantity, channel): (Quantity, &Channel), stamp_s: f64) -> Option<f64> {
+        /// Longest gap in periods, in which one sample is missing.
+        const GAP_PERIODS: f64 = 2.5;
         let factor = if quantity == Quantity::Attitude { ATTITUDE_GAPS } else { 1.0 };
-        let gap_s = self.options.max_gap_s.max(2.5 * channel.period_s.min(SLOWEST_PERIOD_S));
+        let gap_s =
+            self.options.max_gap_s.max(GAP_PERIODS * channel.period_s.min(SLOWEST_PERIOD_S));
         channel.linear(stamp_s, factor * gap_s)
     }
 
-    /// Returns the sample at a time, given on both the recording's and the flight's clock.
+    /// Returns the sample at a time, given on both the recording's and the flight's clock. Numbers
+    /// are rounded as in a file.
     fn sample(&self, stamp_s: f64, time_s: f64) -> FlightSample {
         let mut numbers = FlightSample::default().numbers();
         for (&quantity, channels) in &self.quantities.channels {
@@ -256,7 +264,7 @@ impl Mapper<'_> {
     }
 }
 
-/// Returns an error for a log longer than [`MAX_DURATION_S`].
+/// Returns [`Error::Input`] for a log longer than [`MAX_DURATION_S`].
 fn check_span(recording: &Recording, span_s: f64) -> Result<()> {
     if span_s <= MAX_DURATION_S {
         return Ok(());
@@ -266,7 +274,7 @@ fn check_span(recording: &Recording, span_s: f64) -> Result<()> {
     Err(input_error!(place, "{span_s:.0} s of log", "{wanted}", "{MILLISECONDS_HINT}"))
 }
 
-/// Returns an error if a sample contains a number beyond [`MAX_QUANTITY`].
+/// Returns [`Error::Input`] if a sample contains NaN or a number beyond [`MAX_QUANTITY`].
 fn check_numbers(file: &str, samples: &[FlightSample]) -> Result<()> {
     for sample in samples {
         let numbers = sample.numbers();

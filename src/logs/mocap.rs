@@ -29,6 +29,15 @@ const MAX_STEPS: f64 = 8000.0;
 /// Maximum unexplained fraction of the path's variance.
 const WORST_MISFIT: f64 = 0.2;
 
+/// Difference of the clock rates up to which it may be noise of the fit, as a fraction.
+const RATE_NOISE: f64 = 0.003;
+/// Difference up to which a clock rate is that of older firmware, as a fraction.
+const SAME_RATE: f64 = 0.002;
+/// Mean distance of the paths from which on a warning names it, m.
+const LEAST_OFFSET_M: f64 = 0.05;
+/// Least mean square of the path's distances from their mean, m². Its root is 2 cm.
+const LEAST_SPREAD_M2: f64 = 4e-4;
+
 /// Maximum gap in the motion capture over which it is interpolated.
 const MAX_GAP_S: f64 = 0.25;
 
@@ -115,7 +124,8 @@ impl Shift {
         self.frame_offset_m.amax() > SAME_M || self.transform_fit.rotation_rad.abs() > SAME_RAD
     }
 
-    /// Transforms the positions and the yaw of a block to the drone's frame.
+    /// Transforms the positions and the yaw of a block to the drone's frame. `y_up` is true if the
+    /// capture has y up instead of z.
     fn transform(&self, block: &mut Block, y_up: bool) {
         let Fit { rotation_rad, translation_m, .. } = self.transform_fit;
         let columns = ["mocap.x", "mocap.y", "mocap.z"]
@@ -140,12 +150,12 @@ impl Shift {
         self.pivot_drone_s + self.ratio * (mocap_s - self.pivot_mocap_s)
     }
 
-    /// Returns warnings about a different clock rate, a different frame, or an offset.
+    /// Returns warnings about a different clock rate, a different frame, or an offset. `y_up` is
+    /// true if the capture has y up instead of z.
     fn warnings(&self, y_up: bool) -> Vec<Diagnostic> {
         let mut warnings = Vec::new();
-        // A rate difference below 0.3 % is attributed to noise of the fit.
-        if (self.ratio - 1.0).abs() > 0.003 {
-            let is_slow = (self.ratio - SLOW_CLOCK).abs() < 0.002;
+        if (self.ratio - 1.0).abs() > RATE_NOISE {
+            let is_slow = (self.ratio - SLOW_CLOCK).abs() < SAME_RATE;
             let (ratio, firmware) = if is_slow {
                 (
                     format!("84/85 = {SLOW_CLOCK:.4}"),
@@ -179,7 +189,7 @@ impl Shift {
                  are left out"
             );
             ("mocap-left-out", text)
-        } else if self.frame_offset_m.amax() > 0.05 {
+        } else if self.frame_offset_m.amax() > LEAST_OFFSET_M {
             let text = format!(
                 "the drone's path lies ({x:.3}, {y:.3}, {z:.3}) m from the motion capture's on \
                  average: their frames may differ, and so may setpoints and positions"
@@ -214,7 +224,8 @@ struct Fit {
 }
 
 impl Search {
-    /// Finds time shift, ratio of clock rates, and transform, or `None` if the paths do not match.
+    /// Finds the time shift, the ratio of the clock rates, and the transform. Returns `None` if the
+    /// paths do not match.
     fn shift(&self) -> Option<Shift> {
         let (mocap_start_s, mocap_end_s) = span(&self.mocap);
         let (start_s, end_s) = span(&self.path);
@@ -244,8 +255,7 @@ impl Search {
             frame_offset_m: fit.offset_m,
             transform_fit: Fit::default(),
         };
-        // A slope below 0.3 % is attributed to noise of the fit.
-        let transform_fit = if slope.abs() > 0.003 {
+        let transform_fit = if slope.abs() > RATE_NOISE {
             // The search for the shift is repeated with the rescaled clock.
             shift.ratio = 1.0 / (1.0 - slope);
             let mut rescaled = self.clone();
@@ -265,7 +275,8 @@ impl Search {
         Some(shift)
     }
 
-    /// Returns the best shift within `reach_s` of `around_s`, on a grid with a spacing of `step_s`.
+    /// Returns the shift in s with the least misfit within `reach_s` of `around_s`, on a grid with
+    /// a spacing of `step_s`. Returns `None` if no shift fits.
     fn best_shift(&self, stamps: &[f64], around_s: f64, reach_s: f64, step_s: f64) -> Option<f64> {
         if !(reach_s.is_finite() && around_s.is_finite() && step_s > 0.0) {
             return None;
@@ -319,12 +330,18 @@ impl Search {
         let (misfit, residual_m, offset_m) =
             (mean_square_m2 / spread, mean_square_m2.sqrt(), to_m - from_m);
         let translation_m = to_m - turn * from_m;
-        // The path must extend over at least two centimeters (4e-4 m²).
-        (spread > 4e-4).then_some(Fit { misfit, offset_m, rotation_rad, translation_m, residual_m })
+        (spread > LEAST_SPREAD_M2).then_some(Fit {
+            misfit,
+            offset_m,
+            rotation_rad,
+            translation_m,
+            residual_m,
+        })
     }
 }
 
-/// Interpolates a position at a time. Returns `None` in gaps longer than `gap_s`.
+/// Interpolates a position at a time, in m. Returns `None` in gaps longer than `gap_s` of its
+/// channel.
 fn position_m(
     channels: &[Channel],
     time_s: f64,
@@ -334,14 +351,15 @@ fn position_m(
     Some(Vector3::new(x?, y?, z?))
 }
 
-/// Returns the mean square distance of pairs after the second point of each is rotated about z.
+/// Returns the mean square distance in m² of pairs after the second point of each is rotated about
+/// z.
 fn mean_square_m2(pairs: &[(Vector3<f64>, Vector3<f64>)], rotation_rad: f64) -> f64 {
     let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), rotation_rad);
     let n = pairs.len() as f64;
     pairs.iter().map(|(to, from)| (to - turn * from).norm_squared() / n).sum()
 }
 
-/// Returns the maximum gap in the drone's path over which the path is interpolated.
+/// Returns the maximum gap in the drone's path in s over which the path is interpolated.
 fn path_gap_s(path: &Channel) -> f64 {
     1.0_f64.max(3.0 * path.period_s)
 }

@@ -29,10 +29,12 @@ pub(super) struct Capture {
 /// Header lines, split into cells.
 type Lines<'a> = [Vec<&'a str>];
 
-/// Parses the header of a motion capture table. Returns `None` for other tables, and an error for a
-/// table that is recognized but not supported.
+/// Parses the header of a motion capture table. Returns `None` for other tables. Returns
+/// [`Error::Input`] for a table that is recognized but not supported.
 pub(super) fn capture(text: &[u8], file: &str) -> Result<Option<(Head, Capture)>> {
-    let start = String::from_utf8_lossy(&text[..text.len().min(1 << 16)]);
+    /// Number of bytes in which the header must end.
+    const HEAD_BYTES: usize = 1 << 16;
+    let start = String::from_utf8_lossy(&text[..text.len().min(HEAD_BYTES)]);
     let cells = start.lines().take(HEAD_LINES).map(|line| line.split([',', ';', '\t']));
     let lines: Vec<Vec<&str>> =
         cells.map(|cells| cells.map(|cell| cell.trim().trim_matches('"')).collect()).collect();
@@ -52,7 +54,9 @@ pub(super) fn capture(text: &[u8], file: &str) -> Result<Option<(Head, Capture)>
     read(file, &lines, head, Separator::most_in(line.as_bytes())).map(Some)
 }
 
-/// Reads a Motive header. `head` is the index of the line of titles.
+/// Reads a Motive header. `head` is the index of the line of titles. Returns the titles of this
+/// program, and the capture's axes. Returns [`Error::Input`] for unsupported units and frames, and
+/// for several bodies.
 fn motive(
     file: &str,
     lines: &Lines<'_>,
@@ -107,15 +111,19 @@ fn motive(
     Ok((head, Capture { axes: Axes::YUp, format: "Motive", period_s: None, warnings }))
 }
 
-/// Reads a Vicon header. `head` is the index of the line of titles.
+/// Reads a Vicon header. `head` is the index of the line of titles. Returns the titles of this
+/// program, and the capture's axes and period. Returns [`Error::Input`] for a missing frame rate,
+/// and for several bodies.
 fn vicon(
     file: &str,
     lines: &Lines<'_>,
     head: usize,
     separator: Separator,
 ) -> Result<(Head, Capture)> {
+    /// Plausible numbers of frames per second.
+    const RATES_HZ: std::ops::RangeInclusive<f64> = 0.1..=1e5;
     let rate_hz = lines.get(1).and_then(|line| line[0].parse::<f64>().ok());
-    let Some(rate_hz) = rate_hz.filter(|hz| (0.1..=1e5).contains(hz)) else {
+    let Some(rate_hz) = rate_hz.filter(|hz| RATES_HZ.contains(hz)) else {
         return Err(setting_error(file, "no frames per second in line 2", "a number of them"));
     };
     let above = head.checked_sub(1).and_then(|line| lines.get(line)).into_iter().flatten();
@@ -145,7 +153,7 @@ fn vicon(
     Ok((head, Capture { axes: Axes::ZUp, format: "Vicon", period_s, warnings }))
 }
 
-/// Returns an error unless there is exactly one body.
+/// Returns [`Error::Input`] unless there is exactly one body.
 fn check_one<'a>(file: &str, kind: &str, bodies: impl Iterator<Item = &'a str>) -> Result<()> {
     let bodies: BTreeSet<&str> = bodies.collect();
     if bodies.len() == 1 {

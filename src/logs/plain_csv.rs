@@ -15,6 +15,7 @@
 
 use std::collections::BTreeMap;
 
+use super::cells::{DAY_S, HOUR_S};
 use super::mocap_csv::Capture;
 use super::recording::{Block, Column, Recording};
 use super::titles::{ANGLES, Title, in_si_units};
@@ -36,7 +37,8 @@ const RANGE: &str = "ranging.distance";
 /// Maximum time over which rows with equal times are spread. Times may be in whole seconds.
 const ROW_S: f64 = 1.0;
 
-/// Reads a plain table, or one from motion capture with its own units and axes.
+/// Reads a plain table, or one from motion capture with its own units and axes. Returns
+/// [`Error::Input`] for texts in known columns, for missing times, and for rows of several drones.
 pub(super) fn read(
     text: &Text<'_>,
     mut head: Head,
@@ -104,7 +106,8 @@ pub(super) fn read(
     Ok(log)
 }
 
-/// Names the columns of a table without a header by their order. Returns a note about this.
+/// Names the columns of a table without a header by their order. Returns a note about this, or
+/// `None` for a table with a header.
 fn named_by_order(text: &Text<'_>, head: &mut Head) -> Option<String> {
     if !head.titles.is_empty() {
         return None;
@@ -121,6 +124,8 @@ fn named_by_order(text: &Text<'_>, head: &mut Head) -> Option<String> {
 
 /// Returns the error for a table without times, or for lines that are not a table.
 fn without_times(text: &Text<'_>, titles: &[String], file: &str) -> Error {
+    /// Number of characters of the first line that the error shows.
+    const SHOWN: usize = 48;
     let are_titles = titles.iter().filter(|title| {
         !title.is_empty() && title.parse::<f64>().is_err() && !title.contains([':', '=', '[', '{'])
     });
@@ -128,7 +133,7 @@ fn without_times(text: &Text<'_>, titles: &[String], file: &str) -> Error {
     if 2 * are_titles.count() <= titles.len() {
         let first = text.bytes.trim_ascii_start().split(|byte| *byte == b'\n').next();
         let first = String::from_utf8_lossy(first.unwrap_or_default());
-        let first: String = first.trim().chars().take(48).collect();
+        let first: String = first.trim().chars().take(SHOWN).collect();
         let seen = format!("lines that are not a table, such as {first:?}");
         let hint =
             "write the time and the position of each sample to columns below a header t,x,y,z";
@@ -163,8 +168,8 @@ fn ros_message_names(text: &Text<'_>, head: &Head) -> Option<&'static [&'static 
     is_time.then_some(names)
 }
 
-/// Returns an error for a table without a header if the first column, assumed to be the times,
-/// rarely exceeds all previous values. Such a column may be the first element of a matrix.
+/// Returns [`Error::Input`] for a table without a header if the first column, assumed to be the
+/// times, rarely exceeds all previous values. Such a column may be the first element of a matrix.
 fn check_assumed_times(time_s: &[f64], file: &str) -> Result<()> {
     let mut latest_s = f64::NEG_INFINITY;
     let rising = time_s.iter().filter(|time_s| {
@@ -189,7 +194,7 @@ fn with_assumption(mut error: Error, assumed: Option<&str>) -> Error {
     error
 }
 
-/// Returns true for the header of PX4's `vehicle_local_position`, in which z points down.
+/// True for the header of PX4's `vehicle_local_position`, in which z points down.
 fn is_px4(header: &[String]) -> bool {
     let titles: Vec<&str> = header.iter().map(String::as_str).collect();
     titles.contains(&"z")
@@ -197,7 +202,8 @@ fn is_px4(header: &[String]) -> bool {
         && ["ref_timestamp", "z_valid", "dist_bottom"].iter().any(|name| titles.contains(name))
 }
 
-/// Returns the times of rows from their numbers or, if `by_frame`, from the frame numbers.
+/// Returns the times of rows in s from their numbers or, if `by_frame` is true, from the frame
+/// numbers.
 fn numbered_times(named: &[Column], by_frame: bool, period_s: f64) -> Vec<f64> {
     let n = named.first().map_or(0, |column| column.values.len());
     match named.iter().find(|column| by_frame && column.name == "index") {
@@ -218,7 +224,9 @@ struct Columns {
 }
 
 impl Columns {
-    /// Adds a column under its standard name and in SI units, or uses it as the times.
+    /// Adds a column under its standard name and in SI units, or uses it as the times. `is_dated`
+    /// is true if its values come from dates or times of day. Returns [`Error::Input`] for an
+    /// unknown unit, and for columns of two bodies.
     fn add(&mut self, column: SheetColumn, is_dated: bool) -> Result<()> {
         let SheetColumn { title, number, values, .. } = column;
         let Title { mut name, is_known, unit, body, other_unit } = Title::parse(&title);
@@ -281,7 +289,7 @@ impl Columns {
     }
 }
 
-/// Returns true for a title of the simulator or the firmware, which causes no warning.
+/// True for a title of the simulator or the firmware, which causes no warning.
 fn is_expected(title: &str) -> bool {
     // Titles of the simulator's columns, and of row numbers.
     const OURS: &str = "saturated_s battery_v energy_j estimate_sigma_m estimate_nees frame seq";
@@ -295,7 +303,9 @@ fn is_expected(title: &str) -> bool {
         })
 }
 
-/// Returns the values of a column as times in s, and a warning if their unit is a guess.
+/// Returns the values of a column as times in s, and a warning if their unit is a guess. `unit` is
+/// the title's unit in s. If `is_dated` is true, the values are already in s, and midnights are
+/// undone.
 fn times(
     title: &str,
     mut values: Vec<f64>,
@@ -337,7 +347,7 @@ fn undo_midnights(times_s: &mut [f64]) -> u32 {
     for time_s in times_s.iter_mut().filter(|t| t.is_finite() && **t < LATEST_S) {
         let fall_s = last_s - *time_s;
         last_s = *time_s;
-        for day_s in [86_400.0, 43_200.0, 3600.0] {
+        for day_s in [DAY_S, 0.5 * DAY_S, HOUR_S] {
             if (fall_s - day_s).abs() < NEAR_S {
                 (added_s, wraps) = (added_s + day_s, wraps + 1);
             }
@@ -347,19 +357,19 @@ fn undo_midnights(times_s: &mut [f64]) -> u32 {
     wraps
 }
 
-/// Returns the largest absolute value.
+/// Returns the largest absolute value, in the values' unit, or 0 without values.
 fn max_abs(values: &[f64]) -> f64 {
     values.iter().fold(0.0, |max, value| value.abs().max(max))
 }
 
-/// Returns the root mean square.
+/// Returns the root mean square, in the values' unit.
 fn rms(values: &[f64]) -> f64 {
     let n = values.len().max(1) as f64;
     (values.iter().map(|value| value * value).sum::<f64>() / n).sqrt()
 }
 
-/// Returns true if angles of unknown unit are in degrees, and the reason, or `None` if radians are
-/// plausible.
+/// Returns true if angles of unknown unit are in degrees. Also returns the reason, or `None` if
+/// radians are plausible.
 pub(super) fn are_degrees(block: &Block) -> (bool, Option<String>) {
     /// Root mean square (20°) and maximum (40°) of pitch and roll in an ordinary flight, rad.
     const USUAL_RMS: f64 = 0.35;
@@ -384,11 +394,18 @@ pub(super) fn are_degrees(block: &Block) -> (bool, Option<String>) {
     }
 }
 
-/// Converts angles and angular velocities without a unit in their title to radians.
+/// Converts angles and angular velocities without a unit in their title to radians. `wanted` is
+/// their unit, if it is known.
 pub(super) fn resolve_angles(
     Recording { blocks, warnings, .. }: &mut Recording,
     wanted: AngleUnit,
 ) {
+    /// Least change of roll and pitch with which rates are compared, rad/s.
+    const LEAST_CHANGE_RAD_S: f64 = 0.01;
+    /// Geometric mean of 1 and 57, the ratio of rates in degrees to changes in radians.
+    const MAX_RATIO: f64 = 7.6;
+    /// Rate that no drone reaches, rad/s. It is the limit if roll and pitch do not change.
+    const MAX_RATE_RAD_S: f64 = 35.0;
     let is_auto = wanted == AngleUnit::Auto;
     for block in blocks {
         let (are_degrees, why) = are_degrees(block);
@@ -400,18 +417,16 @@ pub(super) fn resolve_angles(
         if wanted == AngleUnit::Degrees || is_auto && are_degrees {
             from_degrees(block, false);
         }
-        // Rates must match the changes of roll and pitch, which have been converted to radians. In
-        // degrees they are 57 times as large, and 7.6 is the geometric mean of 57 and 1. If roll
-        // and pitch do not change, the limit is 35 rad/s, which no drone reaches.
+        // Rates must match the changes of roll and pitch, which have been converted to radians.
         let rates = open_angles(block, &["wx_body_rad_s", "wy_body_rad_s"]);
         let angles = ANGLES[1..].iter().filter_map(|name| block.column(name));
         let pairs = angles.flat_map(|angle| angle.values.windows(2).zip(block.time_s.windows(2)));
         let changes = pairs.map(|(angle, time)| (angle[1] - angle[0]) / (time[1] - time[0]));
         let rms_change = rms(&changes.filter(|change| change.is_finite()).collect::<Vec<_>>());
-        let too_fast = if rms_change > 0.01 && !rates.is_empty() {
-            rms(&rates) / rms_change > 7.6
+        let too_fast = if rms_change > LEAST_CHANGE_RAD_S && !rates.is_empty() {
+            rms(&rates) / rms_change > MAX_RATIO
         } else {
-            max_abs(&rates) > 35.0
+            max_abs(&rates) > MAX_RATE_RAD_S
         };
         if is_auto && too_fast {
             let text = "angular velocities without a unit are too fast for rad/s: taken as degrees";
@@ -423,14 +438,16 @@ pub(super) fn resolve_angles(
     }
 }
 
-/// Returns the finite numbers of unknown unit in the columns with these names.
+/// Returns the finite numbers of unknown unit in the columns with these names, one column after
+/// another.
 fn open_angles(block: &Block, names: &[&str]) -> Vec<f64> {
     let open = block.columns.iter().filter(|column| column.is_open_angle);
     let values = open.filter(|column| names.contains(&&*column.name)).flat_map(|c| &c.values);
     values.copied().filter(|value| value.is_finite()).collect()
 }
 
-/// Converts rates of unknown unit, or angles, from degrees to radians.
+/// Converts angles of unknown unit from degrees to radians or, if `are_rates` is true, angular
+/// velocities.
 fn from_degrees(block: &mut Block, are_rates: bool) {
     let open = block.columns.iter_mut().filter(|column| column.is_open_angle);
     let open = open.filter(|column| column.name.starts_with('w') == are_rates);

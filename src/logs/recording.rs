@@ -129,7 +129,7 @@ impl Recording {
         names(pattern).map(|name| self.channel(&name)).collect()
     }
 
-    /// Returns an error for a recording with more than [`MAX_VARIABLES`].
+    /// Returns [`Error::Input`] for a recording with more than [`MAX_VARIABLES`].
     pub(super) fn check_variables(&self) -> Result<()> {
         let n = self.names().count().max(self.blocks.len());
         if n <= MAX_VARIABLES {
@@ -139,7 +139,8 @@ impl Recording {
         Err(Error::input(Place::file(&self.file), actual, wanted, HINT))
     }
 
-    /// Returns an error for a recording whose channels, which are copies, would exceed the budget.
+    /// Returns [`Error::Input`] for a recording whose channels, which are copies, would exceed the
+    /// budget.
     pub(super) fn check(&self, budget: &Budget) -> Result<()> {
         self.check_variables()?;
         for Block { time_s, columns, .. } in &self.blocks {
@@ -192,7 +193,8 @@ impl Recording {
     }
 }
 
-/// Returns the names that match a pattern, one for each part in its braces.
+/// Returns the names that match a pattern, one for each part in its braces: `v{x y}` yields `vx`
+/// and `vy`.
 pub(super) fn names(pattern: &str) -> impl Iterator<Item = String> {
     let (before, rest) = pattern.split_once('{').expect("a pattern has braces");
     let (parts, after) = rest.split_once('}').expect("braces are closed");
@@ -232,8 +234,8 @@ impl Channel {
         self.time_s.partition_point(|t| *t <= time_s).checked_sub(1)
     }
 
-    /// Interpolates linearly at a time. Returns `None` outside the channel, and in gaps longer than
-    /// `max_gap_s`.
+    /// Interpolates linearly at a time, in the channel's unit. Returns `None` outside the channel,
+    /// and in gaps longer than `max_gap_s`.
     pub(super) fn linear(&self, time_s: f64, max_gap_s: f64) -> Option<f64> {
         let last = self.last_before(time_s)?;
         let (t0, v0) = (self.time_s[last], self.values[last]);
@@ -244,7 +246,8 @@ impl Channel {
         (t1 - t0 <= max_gap_s).then(|| v0 + (v1 - v0) * ((time_s - t0) / (t1 - t0)))
     }
 
-    /// Returns the last value at or before a time, or the first value before the first sample.
+    /// Returns the last value at or before a time, or the first value before the first sample, in
+    /// the channel's unit.
     pub(super) fn held(&self, time_s: f64) -> f64 {
         self.values[self.last_before(time_s).unwrap_or(0)]
     }

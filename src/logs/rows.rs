@@ -29,7 +29,7 @@ const FRACTIONS: [(&str, f64); 6] = [
 /// Minimum distance at which simultaneous positions belong to two drones, m.
 const APART_M: f64 = 0.1;
 
-/// Returns an error for rows of several drones, and for a long-form table.
+/// Returns [`Error::Input`] for rows of several drones, and for a long-form table.
 pub(super) fn check(sheet: &Sheet, file: &str) -> Result<()> {
     // A long-form table has one column each for times, names and values.
     let texts: Vec<_> = sheet.columns.iter().filter(|c| c.is_text() && c.texts.len() > 1).collect();
@@ -58,7 +58,8 @@ pub(super) fn long_form_error([time, names, value]: [&str; 3]) -> Error {
     Error::input("rows", form, "a column for each variable", hint)
 }
 
-/// Returns an error if a column of drone names, such as `drone_id`, contains different names.
+/// Returns [`Error::Input`] if a column of drone names, such as `drone_id`, contains different
+/// names.
 pub(super) fn check_owners(title: &str, owners: &[String], file: &str) -> Result<()> {
     let last = title.rsplit(['.', '/']).next().unwrap_or_default();
     let plain = simplified(last);
@@ -73,10 +74,11 @@ pub(super) fn check_owners(title: &str, owners: &[String], file: &str) -> Result
 /// Returns the different numbers in a column if they can be ids, which means at most 64 integers
 /// that repeat. Otherwise returns an empty list.
 pub(super) fn repeated_ids(values: &[f64]) -> Vec<String> {
+    const MAX_IDS: usize = 64;
     let mut ids = BTreeSet::new();
     for value in values.iter().filter(|value| value.is_finite()) {
         ids.insert(value.to_bits());
-        if value.fract() != 0.0 || 2 * ids.len() > values.len() || ids.len() > 64 {
+        if value.fract() != 0.0 || 2 * ids.len() > values.len() || ids.len() > MAX_IDS {
             return Vec::new();
         }
     }
@@ -84,6 +86,8 @@ pub(super) fn repeated_ids(values: &[f64]) -> Vec<String> {
 }
 
 /// Adds two columns of times: a date and a time of day, or whole seconds and their fraction.
+/// `are_dated` says for each column of the file whether its values come from dates. Returns
+/// [`Error::Input`] for days without times.
 pub(super) fn join_times(
     columns: &mut Vec<SheetColumn>,
     are_dated: &mut [bool],
@@ -140,7 +144,8 @@ pub(super) fn is_fraction(seconds: &[f64], fractions: &[f64], unit_s: f64) -> bo
         && fractions.iter().all(|value| value.is_nan() || (0.0..1.0).contains(&(value * unit_s)))
 }
 
-/// Adds the column `other`, in units of `unit_s`, to the column `stamps`, and removes it.
+/// Adds the column `other`, in units of `unit_s`, to the column `stamps`, and removes it. Both are
+/// indices.
 fn join(
     columns: &mut Vec<SheetColumn>,
     are_dated: &mut [bool],
@@ -158,8 +163,8 @@ fn join(
     columns.remove(other);
 }
 
-/// Returns an error for a block in which more than a tenth of the rows follow a row with the same
-/// time but a different position. Such rows belong to two drones.
+/// Returns [`Error::Input`] for a block in which more than a tenth of the rows follow a row with
+/// the same time but a different position. Such rows belong to two drones.
 pub(super) fn check_positions(block: &Block, file: &str) -> Result<()> {
     let mut n_apart = 0;
     for column in ["x_m", "y_m", "z_m"].iter().filter_map(|name| block.column(name)) {

@@ -61,14 +61,14 @@ struct Head {
     noctograph: BTreeMap<String, Value>,
 }
 
-/// Returns true for a script's line-by-line log, whose first line is a complete head.
+/// True for a script's line-by-line log, whose first line is a complete head.
 pub(super) fn is_lines(text: &[u8]) -> bool {
     let text = text.trim_ascii_start();
     let end = text.iter().position(|byte| *byte == b'\n');
     end.is_some_and(|end| serde_json::from_slice::<Head>(&text[..end]).is_ok())
 }
 
-/// Reads a complete file.
+/// Reads a complete file. Returns [`Error::Input`] for a line that is not a sample.
 pub(super) fn read(text: &[u8], Job { file, options, budget }: Job<'_>) -> Result<Recording> {
     let mut lines = Lines::new(file);
     lines.push(text, budget)?;
@@ -102,7 +102,7 @@ impl Lines {
         Ok(())
     }
 
-    /// Reads a line: the head, a sample or the end mark.
+    /// Reads a line: the head, a sample or the end mark. Returns [`Error::Input`] for other lines.
     fn line(&mut self, line: &[u8], budget: &Budget) -> Result<()> {
         // The head comes first, followed by samples up to the end mark.
         if self.n_lines == 1 {
@@ -178,7 +178,7 @@ impl Lines {
     }
 }
 
-/// Returns true if the bytes are a log's head, or may become one when further bytes follow.
+/// True if the bytes are a log's head, or may become one when further bytes follow.
 fn may_become_head(bytes: &[u8]) -> bool {
     bytes.starts_with(&HEAD[..bytes.len().min(HEAD.len())])
         && bytes.len() < MAX_HEAD_BYTES
@@ -218,6 +218,7 @@ impl GrowingLog {
         Ok(Self::reading(Box::new(LIMIT.open(path)?), path))
     }
 
+    /// Returns the log of an open file, of which nothing has been read. `path` names it in errors.
     fn reading(file: Box<dyn Read + Send>, path: &Path) -> Self {
         let name = path.display().to_string();
         let (lines, budget) = (Lines::new(&name), Budget::new(name, HINT));

@@ -155,7 +155,7 @@ struct Search<'a> {
 }
 
 impl PositionSource {
-    /// Returns the acceptable kinds of sources.
+    /// Returns the kinds of sources that this choice accepts, in order of preference.
     fn kinds(self) -> &'static [Self] {
         match self {
             Best => ANY,
@@ -209,7 +209,7 @@ pub(super) fn quantities(recording: &Recording, wanted: PositionSource) -> Quant
     Quantities { channels, has_world_velocity, used, warnings }
 }
 
-/// Returns the time for which a drone moves, which is zero for a drone at rest.
+/// Returns the time in s for which a drone moves, which is zero for a drone at rest.
 fn moving_s(position: Option<&Vec<Channel>>) -> f64 {
     let moving = position.into_iter().flatten().filter(|channel| {
         let values = channel.values.iter().copied();
@@ -282,6 +282,8 @@ impl<'a> Search<'a> {
         self.warnings.push(Diagnostic::warning(code, message));
     }
 
+    /// Warns of a source whose numbers are out of range, once for each source. `is_replaced` is
+    /// true if another source has the same quantity.
     fn warn_of_diverged(&mut self, source: &Source, is_replaced: bool) {
         let names = shortened(&names(source.1).collect::<Vec<_>>());
         let instead = if is_replaced { "replaced by another source" } else { "not logged" };
@@ -293,10 +295,12 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Returns true if a quantity counts as logged. The quantity must change while the drone moves,
-    /// and so must each motor. A nonzero setpoint may be constant, and so may a heading if pitch
-    /// and roll are zero.
+    /// True if a quantity counts as logged. The quantity must change while the drone moves, and so
+    /// must each motor. A nonzero setpoint may be constant, and so may a heading if pitch and roll
+    /// are zero. `moving_s` is the time for which the drone moves.
     fn is_logged(&mut self, quantity: Quantity, channels: &[Channel], moving_s: f64) -> bool {
+        /// Angle up to which it is zero in a file, rad.
+        const ZERO_RAD: f64 = 1e-6;
         let active = channels.iter().map(active_s);
         let active_s = match quantity {
             Quantity::Motors => active.fold(f64::INFINITY, f64::min),
@@ -311,8 +315,8 @@ impl<'a> Search<'a> {
         let last = channels.iter().map(|channel| channel.values[channel.values.len() - 1]);
         let last: Vec<f64> = last.collect();
         if let (Quantity::Attitude, [yaw, pitch, roll]) = (quantity, &last[..])
-            && yaw.abs() > 1e-6
-            && [pitch, roll].iter().all(|angle| angle.abs() < 1e-6)
+            && yaw.abs() > ZERO_RAD
+            && [pitch, roll].iter().all(|angle| angle.abs() < ZERO_RAD)
         {
             if !self.warnings.iter().any(|known| known.code == YAW_ONLY) {
                 let text = format!(
@@ -358,7 +362,7 @@ impl<'a> Search<'a> {
         Some(angles)
     }
 
-    /// Returns a level attitude with the logged yaw, if there is one.
+    /// Returns a level attitude with the logged yaw, rad. Returns `None` if no yaw is logged.
     fn level(&mut self, sources: &[&Source]) -> Option<Vec<Channel>> {
         let (name, factor, mut yaw) = sources.iter().find_map(|source| {
             let name = names(source.1).next()?;
@@ -374,7 +378,7 @@ impl<'a> Search<'a> {
         Some(vec![yaw, level.clone(), level])
     }
 
-    /// Returns the angles of logged quaternions, if any.
+    /// Returns the yaw, pitch and roll of logged quaternions in rad, or `None` if there are none.
     fn angles_from_quaternions(&mut self) -> Option<Vec<Channel>> {
         // Compressed quaternions come last, because their error is up to 0.1°.
         let quaternions: Vec<(f64, [f64; 4])> =
@@ -386,6 +390,7 @@ impl<'a> Search<'a> {
                 self.used.insert(COMPRESSED_QUATERNION.to_owned());
                 packed.time_s.into_iter().zip(packed.values.into_iter().map(decompressed)).collect()
             };
+        // Parts that are all zero stand for a missing quaternion.
         let valid = quaternions
             .into_iter()
             .filter(|(_, q)| q.iter().map(|part| part * part).sum::<f64>() > 1e-6);
@@ -444,7 +449,7 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Returns true if any angle changes.
+/// Returns true if any angle changes for some time. The angles of a dead source are constant.
 fn is_alive(angles: &[Channel]) -> bool {
     angles.iter().any(|angle| active_s(angle) > 0.0)
 }
@@ -454,16 +459,16 @@ fn numbers(channels: &[Channel]) -> impl Iterator<Item = &f64> {
     channels.iter().flat_map(|channel| &channel.values)
 }
 
-/// Returns the time from the first change of a channel to its last.
+/// Returns the time in s from the first change of a channel to its last, or 0 if it never changes.
 fn active_s(channel: &Channel) -> f64 {
     let first = channel.values.windows(2).position(|pair| pair[0] != pair[1]);
     let last = channel.values.windows(2).rposition(|pair| pair[0] != pair[1]);
     first.zip(last).map_or(0.0, |(first, last)| channel.time_s[last + 1] - channel.time_s[first])
 }
 
-/// Decompresses a quaternion from `quatcompress.h` to w x y z. Two bits contain the index (in x y z
-/// w) of the largest component, which is omitted. Each of the others consists of a sign bit and
-/// nine bits, in units of 1/√2 divided by 511.
+/// Decompresses a quaternion from `quatcompress.h` to w x y z. The code is a whole number of 32
+/// bits. Two bits contain the index (in x y z w) of the largest component, which is omitted. Each
+/// of the others consists of a sign bit and nine bits, in units of 1/√2 divided by 511.
 fn decompressed(code: f64) -> [f64; 4] {
     const MASK: u32 = (1 << 9) - 1;
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
@@ -492,7 +497,7 @@ fn attitude_from_quaternion(q: [f64; 4]) -> Attitude {
     }
 }
 
-/// Removes jumps of 2π from an angle, so that it is interpolated the short way around.
+/// Removes jumps of 2π from an angle in rad, so that it is interpolated the short way around.
 fn unwrap_angle(channel: &mut Channel) {
     let turn = std::f64::consts::TAU;
     let (mut turns, mut last) = (0.0, channel.values[0]);

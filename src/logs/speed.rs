@@ -28,8 +28,9 @@ const RETURN_FRACTION: f64 = 0.5;
 const MIN_FAST_STEPS: usize = 3;
 const MIN_FAST_FRACTION: f64 = 0.1;
 
-/// Returns an error if many steps of a position are too fast. Returns a warning if a few steps are,
-/// or about spikes, and otherwise `None`.
+/// Returns [`Error::Input`] if many steps of a position are faster than `max_speed_m_s`. Returns a
+/// warning if a few steps are, or about spikes, and otherwise `None`. `position` has a channel for
+/// each axis, in m.
 pub(super) fn check(
     position: &[Channel],
     options: &ImportOptions,
@@ -67,7 +68,7 @@ pub(super) fn check(
         .in_file(file, None))
 }
 
-/// Returns a warning if single samples leave the path.
+/// Returns a warning if single samples leave the path and return, faster than a drone can.
 fn spikes(position: &[Channel]) -> Option<Diagnostic> {
     let (mut n, mut first_s, mut farthest_m) = (0, f64::INFINITY, 0.0_f64);
     for channel in position {

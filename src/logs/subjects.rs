@@ -45,7 +45,7 @@ const OTHERS: &str = "acc accel acceleration gyro gyr mag magnetometer magnetic 
 const POSITION: [&str; 3] = ["x_m", "y_m", "z_m"];
 
 /// Renames the columns of a position given by a subject or by compass directions, unless another
-/// column is already a position.
+/// column is already a position. Returns [`Error::Input`] for several subjects.
 pub(super) fn resolve(log: &mut Recording, columns: &mut [Column]) -> Result<()> {
     if POSITION.iter().any(|name| has(columns, name))
         || columns.iter().any(|column| is_position(&column.name))
@@ -88,7 +88,8 @@ fn has(columns: &[Column], name: &str) -> bool {
     columns.iter().any(|column| column.name == name)
 }
 
-/// Returns the columns of a position in compass directions, and its axes.
+/// Returns the columns of a position in compass directions, and its axes. Returns `None` if one of
+/// them is missing.
 fn compass_position(columns: &[Column]) -> Option<(Renamed, Axes)> {
     COMPASS.iter().find_map(|(names, axes)| {
         let parts = names.split(' ').zip(POSITION).map(|(direction, name)| {
@@ -103,7 +104,8 @@ fn compass_position(columns: &[Column]) -> Option<(Renamed, Axes)> {
     })
 }
 
-/// Returns the unit of a title that is a name, optionally with a unit of length.
+/// Returns the unit in m of a title that is a name, or `Some(None)` if the name has no unit.
+/// Returns `None` for other titles.
 fn unit_after(name: &str, title: &str) -> Option<Option<f64>> {
     let title = simplified(title);
     let rest = title.strip_prefix(name)?;
@@ -112,7 +114,7 @@ fn unit_after(name: &str, title: &str) -> Option<Option<f64>> {
 }
 
 /// Returns the columns of the only known subject with a position, or none if no subject has one.
-/// Several known subjects, or only unknown ones, are an error.
+/// Returns [`Error::Input`] for several known subjects, and for only unknown ones.
 fn subject_position(columns: &[Column]) -> Result<Renamed> {
     let mut subjects: BTreeMap<String, Renamed> = BTreeMap::new();
     for (index, column) in columns.iter().enumerate() {
@@ -142,7 +144,7 @@ fn subject_position(columns: &[Column]) -> Result<Renamed> {
     Err(Error::input("columns", format!("the columns {}", names.join(", ")), wanted, hint))
 }
 
-/// Returns true for one of [`SUBJECTS`], with or without a number.
+/// True for one of [`SUBJECTS`], with or without a number.
 fn is_known(subject: &str) -> bool {
     let plain = simplified(subject);
     let plain = plain.trim_end_matches(|c: char| c.is_ascii_digit() || c == '_');

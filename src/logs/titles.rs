@@ -56,7 +56,7 @@ pub(super) fn column_of(title: &str, values: Vec<f64>) -> Column {
     in_si_units(name, unit, values)
 }
 
-/// Returns a column in SI units, converted from `unit` if that is known.
+/// Returns a column in SI units. `unit` is the column's unit in SI units, if its title states one.
 pub(super) fn in_si_units(name: String, unit: Option<f64>, mut values: Vec<f64>) -> Column {
     let is_rate = name.starts_with('w') && name.ends_with("_body_rad_s");
     let is_open_angle = unit.is_none() && (is_rate || ANGLES.contains(&&*name));

@@ -25,7 +25,8 @@ const WRAP_V1_S: f64 = 4_294_967.296;
 const HINT: &str =
     "copy the file from the card again, or if it is still damaged, recover its intact part";
 
-/// Reads a µSD log, with one block per event type.
+/// Reads a µSD log, with one block per event type. Returns [`noctograph_core::error::Error::Input`]
+/// for another version, and for damage if the options refuse it.
 pub(super) fn read(bytes: &[u8], job: Job<'_>) -> Result<Recording> {
     let Job { file, options, budget } = job;
     let mut cursor = Cursor { bytes, offset: 1, file };
@@ -78,6 +79,7 @@ fn records(
     budget: &Budget,
 ) -> Result<(usize, bool, String)> {
     const SHORT: &str = "the log is cut off within a record";
+    // A record begins with the event's number in two bytes and the time in four or eight.
     let n_header_bytes = if version == 1 { 6 } else { 10 };
     let zeros_from = body.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
     let mut offset = 0;
@@ -118,18 +120,20 @@ fn records(
     }
 }
 
-/// Returns the time in seconds from four bytes of ms or eight bytes of µs.
+/// Returns the time in s from four bytes of ms or eight bytes of µs, with the lowest byte first.
 fn stamp_s(bytes: &[u8]) -> f64 {
     let mut wide = [0; 8];
     wide[..bytes.len()].copy_from_slice(bytes);
     let count = u64::from_le_bytes(wide) as f64;
-    if bytes.len() == 4 { count / 1e3 } else { count / 1e6 }
+    const PER_S: [f64; 2] = [1e3, 1e6];
+    if bytes.len() == 4 { count / PER_S[0] } else { count / PER_S[1] }
 }
 
 /// Number of bytes of a type, and the function that decodes them.
 type Decoder = (usize, fn(&[u8]) -> f64);
 
-/// Returns the decoder of a type, given by its letter in Python's `struct`.
+/// Returns the decoder of a type, given by its letter in Python's `struct`, or `None` for other
+/// letters.
 fn decoder(kind: &str) -> Option<Decoder> {
     macro_rules! decoder {
         ($type:ty, $number:expr) => {
@@ -164,7 +168,9 @@ struct Cursor<'a> {
 }
 
 impl Cursor<'_> {
-    /// Reads the header of a µSD log, and returns its event types by id.
+    /// Reads the header of a µSD log, and returns its event types by id. Returns
+    /// [`noctograph_core::error::Error::Input`] for a header that is incomplete or contradicts
+    /// itself.
     fn header(&mut self) -> Result<BTreeMap<u16, Event>> {
         let n_events = self.u16("the number of event types")?;
         let (mut events, mut n_all) = (BTreeMap::new(), 0);
@@ -210,7 +216,7 @@ impl Cursor<'_> {
         Ok(events)
     }
 
-    /// Reads a two-byte number. `wanted_item` describes it in the error.
+    /// Reads a number of two bytes, the lowest first. `wanted_item` describes it in the error.
     fn u16(&mut self, wanted_item: &str) -> Result<u16> {
         let Some((number, _)) = self.bytes[self.offset..].split_first_chunk::<2>() else {
             return Err(self.error(self.offset, "the end of the file", wanted_item));
@@ -219,7 +225,8 @@ impl Cursor<'_> {
         Ok(u16::from_le_bytes(*number))
     }
 
-    /// Reads a text up to its terminating zero byte. `wanted_item` describes it in the error.
+    /// Reads a text of at most 255 bytes up to its terminating zero byte. `wanted_item` describes
+    /// it in the error.
     fn text(&mut self, wanted_item: &str) -> Result<String> {
         let rest = &self.bytes[self.offset..];
         let Some(length) = rest.iter().take(256).position(|byte| *byte == 0) else {

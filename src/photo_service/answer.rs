@@ -303,7 +303,8 @@ impl Studio<'_> {
         Shoot { judging, format, backend, keeps_film: false, ..shoot }.take(self.watch)
     }
 
-    /// Prepares the photograph of a subject, with about `pixels`.
+    /// Returns the planned photograph of a subject, with about `pixels` pixels in all. A subject
+    /// with a log is photographed as it flew.
     fn prepare(&self, subject: &Subject, pixels: f64) -> Attempt<Ready> {
         if subject.log.is_some() {
             let PreparedScene { scene, profile } = subject.prepared(self.scene, None, pixels)?;
@@ -338,7 +339,8 @@ impl Studio<'_> {
 
     /// Photographs the flight of a subject from its log. During the flight, only the new light is
     /// drawn on the film, and the photo is not judged. A log that is still too short yields no
-    /// photo. When the flight is over, the answer is that for the large photo.
+    /// photo. When the flight is over, the answer is that for the large photo. `is_over` states
+    /// that no more of the log will come.
     pub fn follow(
         &self,
         subject: &Subject,
@@ -356,6 +358,8 @@ impl Studio<'_> {
         }
     }
 
+    /// Returns the photo of a flight of which `log` is known so far, as [`Self::follow`] does. If
+    /// the flight `is_over`, this is the large photo. Refuses a log that is too short for a photo.
     fn flown(
         &self,
         subject: &Subject,
@@ -392,12 +396,14 @@ impl Studio<'_> {
         Ok(Answer { facts: Facts::Script {}, files })
     }
 
-    /// Makes the large photo, with its files if a `format` is given.
+    /// Makes the large photo, with its files if a `format` is given. If `advice` is true, the
+    /// answer contains remedies for an illegible word.
     fn large(&self, subject: &Subject, advice: bool, format: Option<Format>) -> Attempt<Answer> {
         self.judged(subject, self.prepare(subject, LARGE_PIXELS)?, advice, format)
     }
 
-    /// Takes the large photo of a subject that is ready.
+    /// Takes the large photo of a subject that is ready, and judges it. If `advice` is true, the
+    /// answer contains remedies for an illegible word.
     fn judged(
         &self,
         subject: &Subject,

@@ -205,7 +205,8 @@ impl From<Key> for Message {
     }
 }
 
-/// Returns the keys in an error's place in a file, joined by dots.
+/// Returns the keys in an error's place in a file, joined by dots, such as `letters.font`. Indices
+/// and names are left out.
 fn dotted(place: &Place) -> String {
     let keys = place.0.iter().filter_map(|segment| match segment {
         Segment::Key(key) => Some(&**key),
@@ -215,7 +216,7 @@ fn dotted(place: &Place) -> String {
 }
 
 /// Returns the key for an error. It is named like the error's code, unless a more precise key
-/// exists.
+/// exists. `is_picture` is true if the subject is a picture.
 fn key_of(error: &Error, is_picture: bool) -> Key {
     let Error::Input { place, .. } = error else {
         return match error.code() {
@@ -244,8 +245,8 @@ fn key_named(name: &str) -> Option<Key> {
     Key::ALL.iter().copied().find(|key| key.name() == name)
 }
 
-/// Replaces the paths in a text by their file names. A path begins with a slash that does not
-/// follow a letter or a digit.
+/// Replaces the paths in a text by their file names, because a visitor must not see the server's
+/// folders. A path begins with a slash that does not follow a letter or a digit.
 fn without_paths(text: &str) -> String {
     let mut words = Vec::new();
     for word in text.split(' ') {

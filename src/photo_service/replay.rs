@@ -79,7 +79,8 @@ pub(crate) fn end_s(shot: &Shot) -> f64 {
     plans.reduce(f64::max).unwrap_or_else(|| shot.trace.end_s())
 }
 
-/// Returns the lit segments of a lamp's path.
+/// Returns the lit segments of a lamp's path, in order of time. A gap shorter than [`BLINK_S`] does
+/// not divide a segment.
 fn lamp_strokes(lamp: &Lamp) -> Vec<Stroke<'_>> {
     let lit = lamp.samples.iter().filter(|sample| sample.level > LIT);
     let mut strokes: Vec<Stroke<'_>> = Vec::new();
@@ -148,8 +149,9 @@ fn letter_at(flight: &Flight, time_s: f64) -> Option<usize> {
     flight.samples.get(next)?.letter
 }
 
-/// Returns the coordinates of a point in ten-thousandths of the photo, or `None` if it is behind
-/// the camera.
+/// Returns the coordinates of a point of the world in ten-thousandths of the photo's sides, from
+/// its upper left corner. They may lie outside the photo. Returns `None` for a point behind the
+/// camera.
 fn photo_coordinates(camera: &Camera, position_m: Vector3<f64>) -> Option<[i64; 2]> {
     let point = camera.image_from_world(position_m)?;
     let fractions = [(point.x_px, camera.width_px), (point.y_px, camera.height_px)];

@@ -211,7 +211,8 @@ impl PhotoRequest {
     }
 }
 
-/// Checks that no value is too long and that none names a file.
+/// Checks that no value is too long and that none names a file, because a visitor must not read the
+/// server's files. Returns the message for a page that sends such a value.
 fn check_values(settings: &BTreeMap<String, String>) -> std::result::Result<(), Message> {
     if let Some((key, value)) = settings.iter().find(|(_, value)| value.len() > MAX_VALUE) {
         let actual = format!("{key} of {} bytes, wanted at most {MAX_VALUE}", value.len());
@@ -252,7 +253,8 @@ impl Subject {
         self.drawing.as_ref().is_some_and(|drawing| drawing.kind == Kind::Jpg)
     }
 
-    /// Returns the width and height, both even, of a photo with about `pixels` pixels.
+    /// Returns the width and height, both even, of a photo with about `pixels` pixels in all.
+    /// Without an aspect in the request, the photo is 16:9.
     pub fn size_px(&self, pixels: f64) -> [u32; 2] {
         let aspect = self.aspect.unwrap_or(16.0 / 9.0);
         let width = (pixels * aspect).sqrt();

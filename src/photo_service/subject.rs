@@ -14,7 +14,8 @@ use super::answer::Base;
 use super::request::{LOG, Subject};
 
 impl Subject {
-    /// Writes the log, if there is one, to a file, and returns the scene in the log.
+    /// Writes the log, if there is one, to a file, and returns the scene in the log. Returns `None`
+    /// without a log or without a scene in it, and an error if the log is not base64.
     fn store_log(&self) -> Result<Option<CarriedScene>> {
         let Some(log) = &self.log else { return Ok(None) };
         let bytes = BASE64_STANDARD.decode(log).map_err(|broken| {
@@ -24,7 +25,8 @@ impl Subject {
         Ok(CarriedScene::in_log(LOG.as_ref()))
     }
 
-    /// Returns the room's width, depth and height in m, or `None` if there is no room.
+    /// Returns the room's width, depth and height in m, or `None` if there is no room. Returns an
+    /// error for a text that is not a room.
     fn room_m(&self) -> Result<Option<[f64; 3]>> {
         let Some(text) = &self.room else { return Ok(None) };
         let room_m = parse_room(text).map_err(|wanted| {
@@ -87,7 +89,7 @@ impl Subject {
     }
 }
 
-/// Writes a file into the current folder. In a browser, files are kept in memory only.
+/// Writes a file into the current folder, or into the memory of a browser.
 pub(crate) fn write_file(name: &str, bytes: Vec<u8>) -> Result<()> {
     #[cfg(target_family = "wasm")]
     noctograph_core::files::bring(name, bytes);

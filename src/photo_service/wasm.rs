@@ -26,7 +26,8 @@ static INPUT: Mutex<Vec<u8>> = Mutex::new(Vec::new());
 static OUTPUT: Mutex<Vec<u8>> = Mutex::new(Vec::new());
 static BASE: Mutex<String> = Mutex::new(String::new());
 
-/// Reserves memory for a request, and returns its address.
+/// Reserves memory for a request of `bytes` bytes, and returns its address. The page writes the
+/// request there. The address is valid until the request is answered.
 #[unsafe(no_mangle)]
 extern "C" fn reserve(bytes: usize) -> *mut u8 {
     let mut input = INPUT.lock().unwrap_or_else(PoisonError::into_inner);
@@ -34,13 +35,14 @@ extern "C" fn reserve(bytes: usize) -> *mut u8 {
     input.as_mut_ptr()
 }
 
-/// Returns the address of the answer.
+/// Returns the address of the answer, which is valid until the next request.
 #[unsafe(no_mangle)]
 extern "C" fn output() -> *const u8 {
     OUTPUT.lock().unwrap_or_else(PoisonError::into_inner).as_ptr()
 }
 
-/// Stores the scene that the page's controls show at the start, from the text of its file.
+/// Stores the scene that the page's controls show at the start, from the text of its file in the
+/// reserved memory. Returns the length of the answer in bytes.
 #[unsafe(no_mangle)]
 extern "C" fn base() -> usize {
     let text = String::from_utf8(input()).unwrap_or_default();
@@ -76,7 +78,7 @@ extern "C" fn live() -> usize {
     answered(|_| Product::Live)
 }
 
-/// Makes the large photo.
+/// Makes the large photo. Returns the length of the answer in bytes.
 #[unsafe(no_mangle)]
 extern "C" fn photos() -> usize {
     answered(|photo| Product::Large { advice: false, files: photo.files })

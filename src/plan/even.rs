@@ -6,7 +6,7 @@
 
 use nalgebra::{Vector2, Vector3};
 
-use super::motion::{Motion, State};
+use super::motion::{Motion, SLACK_TICKS, State};
 use super::order::TOO_LONG_HINT;
 use super::pen::{PenStroke, dot_s};
 use super::transit::Transit;
@@ -28,9 +28,10 @@ const TAKE_OFF_FRACTION: f64 = 0.5;
 /// Run-in of the first stroke, in s of flight at stroke speed from the hover to its beginning.
 const RUN_IN_S: f64 = 0.3;
 /// Delay in s of the light relative to a loop's beginning and end, so that the drone is equally far
-/// off the curve when the light goes on and off. Only loops longer than three delays have such a
-/// delay.
+/// off the curve when the light goes on and off.
 const LEAD_S: f64 = 0.4;
+/// Shortest loop that has a run-in, in lengths of the run-in.
+const LEAST_LEADS: f64 = 3.0;
 /// Length in m by which a loop's light overlaps itself. The light's beginning and end are each
 /// uncertain by half a tick of the lamp timer (5 mm at 0.2 m/s), and the drone's position along the
 /// curve is uncertain by as much.
@@ -69,7 +70,7 @@ enum Path {
 }
 
 impl Path {
-    /// Returns the state at a time after the path's beginning.
+    /// Returns the state at a time in s after the path's beginning, in the plane of the word.
     fn state_at(&self, time_s: f64) -> State {
         match self {
             Self::Still(position_m) | Self::Dot(position_m) => {
@@ -82,7 +83,8 @@ impl Path {
 }
 
 /// Plans strokes in their order. The drone takes off and lands at `home_x_m`, or below its first
-/// and last stroke if that is `None`.
+/// and last stroke if that is `None`. Returns an error for a flight that is too long or has no
+/// transit between two strokes.
 pub(super) fn plan(
     drawn: &[PenStroke],
     options: &PlanOptions,
@@ -120,7 +122,8 @@ struct Course<'a> {
 }
 
 impl Course<'_> {
-    /// Waits on the floor, takes off and hovers before the first stroke.
+    /// Adds the wait on the floor, the take-off, and the hover before the first stroke. With
+    /// [`Extent::Letters`], only a wait at the stroke's beginning is added.
     fn begin(&mut self, drawn: &[PenStroke]) -> Result<()> {
         let first = match drawn[0].dot_m() {
             Some(dot_m) => rest(dot_m.x, dot_m.y),
@@ -145,7 +148,8 @@ impl Course<'_> {
         Ok(())
     }
 
-    /// Flies in the dark to a stroke, and then along it with light.
+    /// Adds the transit to a stroke, and the lit path along it. A dot is lit while the drone stays
+    /// there.
     fn draw(&mut self, stroke: &PenStroke) -> Result<()> {
         // The transit to the first stroke belongs to no letter.
         let letter = self.segments.iter().any(Segment::is_lit).then_some(stroke.letter);
@@ -165,7 +169,8 @@ impl Course<'_> {
         self.push(Some(stroke.letter), Path::Lit(motion), duration_s)
     }
 
-    /// Flies home and lands, or comes to rest after the letters.
+    /// Adds the flight home and the landing, or with [`Extent::Letters`] the stop after the
+    /// letters.
     fn finish(&mut self) -> Result<()> {
         let (x, y) = (self.state.position_m.x, self.state.position_m.y);
         if self.options.extent == Extent::Letters {
@@ -186,10 +191,11 @@ impl Course<'_> {
         Motion::new(&stroke, self.options.stroke_speed_m_s, self.style, RING_TICK_S)
     }
 
-    /// Returns the length in m of a loop's run-in, which is 0 for other strokes and short loops.
+    /// Returns the length in m of a loop's run-in, which is 0 for other strokes, and for loops that
+    /// are shorter than [`LEAST_LEADS`] run-ins.
     fn lead_m(&self, stroke: &PenStroke) -> f64 {
         let lead_m = LEAD_S * self.options.stroke_speed_m_s;
-        if stroke.is_loop() && stroke.length_m() > 3.0 * lead_m { lead_m } else { 0.0 }
+        if stroke.is_loop() && stroke.length_m() > LEAST_LEADS * lead_m { lead_m } else { 0.0 }
     }
 
     /// Adds a transit to a state in the style of the course.
@@ -197,8 +203,9 @@ impl Course<'_> {
         self.go_by(self.style, letter, to)
     }
 
-    /// Adds a transit to a state in a style. If Ruckig finds none, the acceleration at both ends is
-    /// set to zero. Returns an error if there is still no transit.
+    /// Adds a transit to a state, with the limits of `style`. If Ruckig finds none, the
+    /// acceleration at both ends is set to zero. Returns [`Error::Infeasible`] if there is still no
+    /// transit.
     fn go_by(&mut self, style: &EvenStyle, letter: Option<usize>, to: &State) -> Result<()> {
         let unaccelerated = |state: &State| State { acceleration_m_s2: Vector2::zeros(), ..*state };
         let transit = Transit::new(&self.state, to, style, RING_TICK_S).or_else(|| {
@@ -215,10 +222,10 @@ impl Course<'_> {
         self.push(letter, Path::Dark(transit), duration_s)
     }
 
-    /// Adds a segment whose duration is rounded up to whole ticks. Returns an error if the flight
-    /// becomes too long.
+    /// Adds a segment whose duration is rounded up to whole ticks of the light. Returns
+    /// [`Error::Infeasible`] if the flight becomes too long.
     fn push(&mut self, letter: Option<usize>, path: Path, duration_s: f64) -> Result<()> {
-        let n_ticks = (duration_s / RING_TICK_S - 1e-6).ceil();
+        let n_ticks = (duration_s / RING_TICK_S - SLACK_TICKS).ceil();
         let rounded_s = n_ticks * RING_TICK_S;
         self.state = path.state_at(rounded_s);
         self.segments.push(Segment { start_s: self.end_s, letter, path });
@@ -266,7 +273,8 @@ impl Course<'_> {
         Plan::made(plan)
     }
 
-    /// Returns the light level up to the next setpoint, the ratio of the mean to the nominal speed.
+    /// Returns the light level, 0 to 1, up to the next setpoint. On a stroke, it is the ratio of
+    /// the mean speed to the nominal speed, so that a slow corner is not brighter.
     fn level(&self, segment: &Segment, from_s: f64, next_s: f64) -> f64 {
         let motion = match &segment.path {
             Path::Lit(motion) => motion,

@@ -72,7 +72,8 @@ fn for_axes<T: Send>(axis: impl Fn(usize) -> T + Sync) -> [T; 3] {
     [x, y, z]
 }
 
-/// Returns the plan that sends the position `sent_m` of each row at which the drone flies.
+/// Returns the plan that sends the position `sent_m` of each row at which the drone flies, and its
+/// previous positions on the floor.
 fn sending(plan: &Plan, sent_m: impl Fn(usize) -> Vector3<f64>) -> Plan {
     let sent = |(row, setpoint): (usize, &Setpoint)| {
         if setpoint.on_floor() { plan.sent_m(row) } else { sent_m(row).map(on_grid) }

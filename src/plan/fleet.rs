@@ -92,7 +92,8 @@ struct Assignment {
 }
 
 impl Assignment {
-    /// Finds the assignment that ends first. Returns `None` if the drones cannot keep apart.
+    /// Finds the assignment that ends first. `whole_letters` keeps the strokes of a letter with one
+    /// drone. Returns `None` if the drones cannot keep apart.
     fn new(
         strokes: &Strokes,
         whole_letters: bool,
@@ -160,8 +161,9 @@ impl Start {
     }
 }
 
-/// Finds a route and a delay for each drone, with which no two drones come too close. Returns them
-/// with the step at which the last drone lands, or `None` if no order of assignment succeeds.
+/// Finds a route and a delay for each drone, with which no two drones come too close. Returns the
+/// step of [`CHECK_STEP_S`] at which the last drone lands, and the routes and delays in the order
+/// of the drones. Returns `None` if no order of assignment succeeds.
 fn starts(routes: &[Vec<Route>]) -> Option<(usize, Vec<Start>)> {
     let mut order: Vec<usize> = (0..routes.len()).collect();
     let mut best: Option<(usize, Vec<Start>)> = None;
@@ -189,7 +191,8 @@ fn starts(routes: &[Vec<Route>]) -> Option<(usize, Vec<Start>)> {
     best
 }
 
-/// Returns routes and delays for an order of assignment, or the drone without a route as the error.
+/// Returns routes and delays for an order of assignment. Each drone gets the earliest end that does
+/// not conflict with the drones before it. The error is the drone that has no route.
 fn assign(
     routes: &[Vec<Route>],
     order: &[usize],
@@ -222,7 +225,8 @@ struct Conflicts<'a> {
 }
 
 impl Conflicts<'_> {
-    /// True if two drones with these starts come too close to each other.
+    /// True if the drones `a` and `b`, with these starts, come too close to each other. Results are
+    /// cached.
     fn has(&mut self, (a, start_a): (usize, Start), (b, start_b): (usize, Start)) -> bool {
         let [track_a, track_b] = [(a, start_a), (b, start_b)]
             .map(|(drone, start)| &self.routes[drone][start.route].track);
@@ -244,9 +248,9 @@ struct Place {
 }
 
 impl Place {
-    /// Returns the horizontal distance and the height difference of two drones. Returns `None` if
-    /// the height difference suffices ([`MIN_VERTICAL_M`], or [`MIN_HORIZONTAL_M`] if one is
-    /// parked).
+    /// Returns the horizontal distance and the height difference of two drones, both positive.
+    /// Returns `None` if the height difference suffices ([`MIN_VERTICAL_M`], or
+    /// [`MIN_HORIZONTAL_M`] if one is parked).
     fn apart_m(self, other: Self) -> Option<[f64; 2]> {
         let is_parked = self.is_parked || other.is_parked;
         let reach_m = if is_parked { MIN_HORIZONTAL_M } else { MIN_VERTICAL_M };
@@ -263,6 +267,8 @@ struct Track {
 }
 
 impl Track {
+    /// Samples a plan every [`CHECK_STEP_S`], up to and including its end. The longest horizontal
+    /// step bounds how fast the drone can approach another.
     fn new(plan: &Plan) -> Self {
         let place = |time_s: f64| Place {
             position_m: plan.design_m(time_s),
@@ -282,7 +288,9 @@ impl Track {
         self.places[step.min(self.places.len() - 1)]
     }
 
-    /// True if two drones with delayed starts come too close, or if no comparisons are left.
+    /// True if two drones come too close, each of which starts after a delay in steps. Every
+    /// comparison of positions decreases `left`, and without any left, the drones count as too
+    /// close.
     fn meets(&self, delay: usize, other: &Self, other_delay: usize, left: &mut u64) -> bool {
         let end = (self.places.len() + delay).max(other.places.len() + other_delay);
         let mut step = 0;
@@ -348,7 +356,8 @@ fn orders(part: &[PenStroke], options: &PlanOptions, style: &EvenStyle) -> Vec<V
     vec![backward(&shortest), shortest, backward(&across), across]
 }
 
-/// Returns the x in m of each drone's home, below its part's middle and clear of the other homes.
+/// Returns the x in m of each drone's home, at least [`MIN_HORIZONTAL_M`] to the right of the
+/// previous home, and on average below the middle of its part.
 fn homes_x_m(parts: &[Vec<PenStroke>]) -> Vec<f64> {
     let middles_m: Vec<f64> = parts.iter().map(|part| middle_x_m(part)).collect();
     let mut homes_m = middles_m.clone();
@@ -361,7 +370,7 @@ fn homes_x_m(parts: &[Vec<PenStroke>]) -> Vec<f64> {
     homes_m.iter().map(|home_m| home_m - aside_m).collect()
 }
 
-/// Returns the middle between the smallest and largest x of strokes in m.
+/// Returns the middle in m between the smallest and largest x of strokes.
 fn middle_x_m(strokes: &[PenStroke]) -> f64 {
     let points = strokes.iter().flat_map(|stroke| &stroke.points_m);
     let [left, _, right, _] = bounds(points.map(|point| (*point).into()));

@@ -96,7 +96,7 @@ fn check_flown(
     Err(Error::input(format!("word {word}"), actual, wanted, HINT))
 }
 
-/// Returns the length in m of the lit moves that setpoints follow in any order.
+/// Returns the total length in m of the lit moves' stretches that setpoints cover, in any order.
 fn near_m(moves: &[(usize, Move)], flight: &Flight) -> f64 {
     let lit = moves.iter().filter(|(_, step)| step.lit).map(|(_, step)| {
         let designs_m = flight.samples.iter().map(|sample| [sample.design_m.x, sample.design_m.z]);
@@ -116,9 +116,9 @@ struct Progress {
 }
 
 impl Progress {
-    /// Advances to the move of a setpoint. Returns the move's letter, and true if the move is lit.
-    /// Returns `None` if no move contains the setpoint, or if the drone still waits at the
-    /// beginning of a letter.
+    /// Advances to the move that contains `point`, a setpoint in m in the word's plane. Returns the
+    /// move's letter, and true if the move is lit. Returns `None` if no move contains the setpoint,
+    /// or if the drone still waits at the beginning of a letter.
     fn advance(&mut self, moves: &[(usize, Move)], point: [f64; 2]) -> Option<(usize, bool)> {
         let remaining = moves.iter().enumerate().skip(self.index);
         let (index, along_m) = remaining.into_iter().find_map(|(index, (_, step))| {
@@ -135,8 +135,8 @@ impl Progress {
     }
 }
 
-/// Returns the distance of a point along a move from the move's beginning in m. Returns `None` for
-/// a point that is not on the move.
+/// Returns the distance in m of a point along a move from the move's beginning. Returns `None` for
+/// a point that is not within [`ON_MOVE_M`] of the move.
 fn along(step: &Move, point: [f64; 2]) -> Option<f64> {
     if segment_distance(point, [step.from_m, step.to_m]) >= ON_MOVE_M {
         return None;

@@ -13,8 +13,9 @@ pub struct LampTiming {
 }
 
 impl LampTiming {
-    /// Returns the time and the number of the tick nearest to a time, but not before the tick of
-    /// the last change. A lamp without a timer can change whenever a command can arrive.
+    /// Returns the time in s of the lamp's tick nearest to a time, and the tick's number. The tick
+    /// is not before `last_tick`, that of the last change. A lamp without a timer can change
+    /// whenever a command can arrive, and its tick is the time itself.
     pub(super) fn tick(&self, time_s: f64, last_tick: f64) -> (f64, f64) {
         if self.tick_s == 0.0 {
             return (time_s.max(self.delay_s), time_s);
@@ -32,7 +33,8 @@ impl LampTiming {
         (light_s - 0.5 * self.tick_s - self.delay_s).max(0.0)
     }
 
-    /// Returns the time at which a command changes the light, the next tick after it arrives.
+    /// Returns the time in s at which a command sent at `sent_s` changes the light, which is the
+    /// next tick after the command arrives.
     pub(super) fn light_s(&self, sent_s: f64) -> f64 {
         let arrives_s = sent_s + self.delay_s;
         if self.tick_s == 0.0 {

@@ -75,7 +75,8 @@ pub fn plan(strokes: &Strokes, options: &PlanOptions) -> Result<Plan> {
     Ok(adjusted(plan, options))
 }
 
-/// Applies the options' heading, clock and mean error to a plan.
+/// Returns a plan with the options' heading, slowed to the trajectory's clock, and moved by the
+/// mean error.
 fn adjusted(mut plan: Plan, options: &PlanOptions) -> Plan {
     if plan.yaw_rad != options.yaw_rad {
         plan.edit(|plan| plan.yaw_rad = options.yaw_rad);

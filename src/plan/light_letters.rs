@@ -7,6 +7,9 @@ use std::ops::Range;
 
 use super::Plan;
 
+/// Tolerance in s for rounding errors of a time within a stretch.
+const ROUNDING_S: f64 = 1e-6;
+
 /// Returns the index of the letter that the commanded light draws at each setpoint, or `None` in
 /// the dark and for light that belongs to no letter.
 pub fn light_letters(plan: &Plan) -> Vec<Option<usize>> {
@@ -42,8 +45,7 @@ pub(super) fn drawn_rows(
         let drawn_s = design.setpoints[stroke.start].time_s;
         let later_s = if is_whole_plan { 0.0 } else { begin_s - drawn_s };
         for row in sent_rows {
-            // The added microsecond compensates for rounding.
-            let time_s = sent.setpoints[row].time_s - later_s + 1e-6;
+            let time_s = sent.setpoints[row].time_s - later_s + ROUNDING_S;
             let passed = design.setpoints[stroke.clone()].partition_point(|s| s.time_s <= time_s);
             rows[row] = Some(stroke.start..stroke.start + passed.max(1));
         }
@@ -51,7 +53,7 @@ pub(super) fn drawn_rows(
     rows
 }
 
-/// Returns the ranges of consecutive lit rows.
+/// Returns the ranges of consecutive rows whose level is above zero.
 pub(super) fn stretches(levels: &[f64]) -> Vec<Range<usize>> {
     let lit: Vec<usize> = (0..levels.len()).filter(|row| levels[*row] > 0.0).collect();
     let runs = lit.chunk_by(|row, next| row + 1 == *next);

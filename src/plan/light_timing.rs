@@ -28,7 +28,8 @@ const SAME_S: f64 = 1e-4;
 const LEAST_APART_S: f64 = 0.001;
 
 /// Moves the light commands of a plan to the times at which `flight` passes the strokes' ends.
-/// Returns the plan, whose [`PlanData::lit`] contains the design's light, and the remaining errors.
+/// Returns the plan, whose [`PlanData::lit`] contains the design's light, and the errors at the
+/// strokes' ends that remain. `between` selects the position that rows added for commands send.
 ///
 /// # Errors
 ///
@@ -79,8 +80,9 @@ pub(super) fn on_trajectory_clock(plan: Plan, rate: f64) -> Plan {
     with_commands(&Plan::made(plan.into_data().paced(rate)), lit, &commands, Between::Design)
 }
 
-/// Replaces a plan's light commands with others, given as times and levels in chronological order.
-/// A command between two setpoints adds a row.
+/// Replaces a plan's light commands with others, given as times in s and levels in chronological
+/// order. `lit` contains the design's level of each row. A command between two setpoints adds a
+/// row.
 fn with_commands(plan: &Plan, lit: Vec<f64>, commands: &[(f64, f64)], between: Between) -> Plan {
     let mut out = PlanData { yaw_rad: plan.yaw_rad, ..PlanData::default() };
     let has_sent = !plan.sent_m.is_empty();
@@ -118,7 +120,8 @@ fn with_commands(plan: &Plan, lit: Vec<f64>, commands: &[(f64, f64)], between: B
     with_levels(Plan::made(out), plan, &levels)
 }
 
-/// Sets the levels of a plan's lamps. Colors change with the strokes of the design.
+/// Sets the levels of a plan's lamps to `levels`, one for each row. Colors change with the strokes
+/// of the design.
 fn with_levels(mut plan: Plan, design: &Plan, levels: &[f64]) -> Plan {
     let drawn_rows = drawn_rows((&plan, levels), (design, &design.commanded()));
     let lights = design.lights.iter().map(|(channel, colors)| {
@@ -135,7 +138,7 @@ fn with_levels(mut plan: Plan, design: &Plan, levels: &[f64]) -> Plan {
     plan
 }
 
-/// Returns the setpoint that continues another setpoint's design from a later time.
+/// Returns the setpoint that continues another setpoint's design from a later time in s.
 fn moved_on(setpoint: &Setpoint, time_s: f64) -> Setpoint {
     let since_s = time_s - setpoint.time_s;
     let velocity_m_s = setpoint.velocity_m_s + setpoint.acceleration_m_s2 * since_s;

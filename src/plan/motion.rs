@@ -31,6 +31,8 @@ struct Piece {
     second_integral_m_s2: Vector2<f64>,
 }
 
+/// Fraction of a tick by which a duration may exceed whole ticks due to rounding errors.
+pub(super) const SLACK_TICKS: f64 = 1e-6;
 /// Ratio of a stroke's acceleration to the limit above which the whole stroke is slowed.
 pub(super) const MAX_EXCESS: f64 = 1.045;
 
@@ -48,7 +50,8 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    /// Creates the motion along a stroke at a speed. Its duration is a multiple of `tick_s`.
+    /// Creates the motion along a stroke at a speed. Its duration is a multiple of `tick_s`, and
+    /// long enough to keep the style's acceleration limit.
     pub(super) fn new(stroke: &PenStroke, speed_m_s: f64, style: &EvenStyle, tick_s: f64) -> Self {
         let smoothing = Smoothing::new(speed_m_s, style);
         let origin_m = stroke.points_m[0];
@@ -85,7 +88,7 @@ impl Motion {
         motion
     }
 
-    /// Returns the greatest acceleration, sampled at intervals of `step_s`.
+    /// Returns the greatest acceleration in m/s², sampled at intervals of `step_s`.
     fn max_acceleration_m_s2(&self, step_s: f64) -> f64 {
         let steps = std::iter::successors(Some(0.0), |time_s| Some(time_s + step_s));
         let steps = steps.take_while(|time_s| *time_s <= self.duration_s);
@@ -102,7 +105,7 @@ impl Motion {
         Self { from_s: self.from_s + time_s, ..self }
     }
 
-    /// Returns the state at a time after the beginning, which is the pen's averaged state.
+    /// Returns the state at a time in s after the beginning, which is the pen's averaged state.
     pub(super) fn state_at(&self, time_s: f64) -> State {
         let Smoothing { long_s, short_s, .. } = self.smoothing;
         // The averages are centered on this pen time.
@@ -134,9 +137,10 @@ impl Motion {
     }
 }
 
-/// Rounds a duration up to a whole number of ticks, but at least one, allowing for rounding errors.
+/// Returns a duration in s rounded up to a whole number of ticks, but at least one. A duration that
+/// exceeds a whole number by rounding errors is not rounded up.
 fn in_ticks(duration_s: f64, tick_s: f64) -> f64 {
-    (duration_s / tick_s - 1e-6).ceil().max(1.0) * tick_s
+    (duration_s / tick_s - SLACK_TICKS).ceil().max(1.0) * tick_s
 }
 
 /// Path of the pen that is being built.
@@ -172,8 +176,10 @@ impl Pen {
 }
 
 impl Piece {
-    /// Returns the pen's position at a time, and its first and second integrals up to that time.
+    /// Returns the pen's position (m) at a time, and its first (m s) and second (m s²) integrals up
+    /// to that time.
     fn integrals_at(&self, time_s: f64) -> [Vector2<f64>; 3] {
+        // The integrals of p + v t + a t²/2 follow from those of the powers of t.
         let t = time_s - self.start_s;
         let (p, v, a) = (self.position_m, self.velocity_m_s, self.acceleration_m_s2);
         let pen = p + v * t + a * (t * t / 2.0);

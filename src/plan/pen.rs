@@ -99,7 +99,8 @@ impl PenStroke {
         self.is_closed() && along(0).dot(&along(self.points_m.len() - 2)) > SMOOTH_COS
     }
 
-    /// Extends a closed stroke past its end along its beginning by a length, at most once around.
+    /// Returns the stroke extended past its end along its beginning by `remaining_m`, at most once
+    /// around. The stroke must be closed.
     pub(super) fn overlapped(&self, mut remaining_m: f64) -> Self {
         let mut longer = self.clone();
         for (ends, pace) in self.points_m.windows(2).zip(&self.paces) {
@@ -119,7 +120,8 @@ impl PenStroke {
         (self.points_m.len() - 1).min(MAX_STARTS)
     }
 
-    /// Returns the stroke as it is drawn in one of its [`Self::ways`].
+    /// Returns the stroke as it is drawn in one of its [`Self::ways`]. Odd ways are backward, and
+    /// each pair of ways begins at another point of a closed stroke.
     pub(super) fn along(&self, way: usize) -> Self {
         let Self { letter, mut points_m, mut paces } = self.clone();
         if way >= 2 {
@@ -144,7 +146,8 @@ impl PenStroke {
         (0..2 * n_starts).map(|way| self.along(way).way(speed_m_s)).collect()
     }
 
-    /// Returns the points and velocities at which the stroke is entered and left as drawn.
+    /// Returns the points (m) and velocities (m/s) at which the stroke is entered and left as
+    /// drawn, at full speed. The velocities of a dot are zero.
     fn way(&self, speed_m_s: f64) -> Way {
         let along_m_s = |pair: Option<&[Vector2<f64>]>| {
             pair.map_or(Vector2::zeros(), |pair| (pair[1] - pair[0]).normalize() * speed_m_s)

@@ -64,7 +64,7 @@ pub fn replay(flight: &Flight) -> Result<Replay> {
     Ok(Replay { plan: Plan::new(plan)?, n_restored })
 }
 
-/// Adds a setpoint with the lights from a row of the flight.
+/// Adds a setpoint to a plan with the light levels from a row of the flight.
 fn push(plan: &mut PlanData, setpoint: Setpoint, flight: &Flight, row: usize) {
     plan.setpoints.push(setpoint);
     for (column, levels) in plan.lights.values_mut().zip(flight.lights.values()) {
@@ -72,11 +72,12 @@ fn push(plan: &mut PlanData, setpoint: Setpoint, flight: &Flight, row: usize) {
     }
 }
 
-/// Returns the setpoints that a flight logged, each with its row. These are the first row, the last
-/// row, and each row that differs from the previous one.
+/// Returns the setpoints that a flight logged, at rest, each with its row. These are the first row,
+/// the last row, and each row that differs from the previous one.
 fn logged(flight: &Flight) -> Vec<(Setpoint, usize)> {
     let lights_at = |row: usize| flight.lights.values().map(move |levels| levels[row]);
     let last = flight.samples.len() - 1;
+    // A row is a new setpoint if its design, its letter or a light differs from the row before.
     let sent = |row: &usize| {
         let Some(before) = row.checked_sub(1) else { return true };
         let (from, to) = (&flight.samples[before], &flight.samples[*row]);
@@ -95,7 +96,8 @@ fn logged(flight: &Flight) -> Vec<(Setpoint, usize)> {
     (0..=last).filter(sent).map(|row| (setpoint(row), row)).collect()
 }
 
-/// Returns the medians of the distance and speed between moving setpoints, or zeros without any.
+/// Returns the medians of the distance in m and of the speed in m/s between setpoints that moved,
+/// or zeros without any.
 fn median_step(logged: &[(Setpoint, usize)]) -> [f64; 2] {
     let steps = logged.windows(2).map(|pair| step(&pair[0].0, &pair[1].0));
     let moves = steps.filter(|[length_m, lasts_s]| *length_m > 0.0 && *lasts_s > 0.0);
@@ -104,7 +106,8 @@ fn median_step(logged: &[(Setpoint, usize)]) -> [f64; 2] {
     [lengths, speeds].map(|values| median(values).unwrap_or(0.0))
 }
 
-/// Returns the number of setpoints that a log lost between two, by the median distance and speed.
+/// Returns the number of setpoints that a log lost between two, by the median distance in m and the
+/// median speed in m/s.
 fn lost_between(from: &Setpoint, to: &Setpoint, [median_m, median_m_s]: [f64; 2]) -> u32 {
     let [length_m, lasts_s] = step(from, to);
     let steps = length_m / median_m;

@@ -12,12 +12,15 @@ pub struct StepResponse {
 
 /// Remaining change of a response, as a fraction of the step, below which it is neglected.
 const SETTLED: f64 = 1e-3;
+/// Tolerance in s for rounding errors of an input's time.
+const ROUNDING_S: f64 = 1e-9;
 /// Number of comparisons between output and target per input. The additional comparison between two
 /// inputs prevents oscillation.
 const OUTPUTS_PER_INPUT: usize = 2;
 
 impl StepResponse {
-    /// Returns the response at a time after the step, interpolated linearly, or 0 before the step.
+    /// Returns the output at a time in s after a unit step of the input, interpolated linearly, or
+    /// 0 before the step.
     pub fn value_at(&self, time_s: f64) -> f64 {
         let intervals = time_s / self.interval_s;
         let Some(last) = self.values.len().checked_sub(1).filter(|_| intervals >= 0.0) else {
@@ -39,7 +42,8 @@ impl StepResponse {
         unsettled.map_or(0, |index| index + 1) as f64 * self.interval_s
     }
 
-    /// Returns the approximate number of products in [`Self::inverse`] for equally spaced inputs.
+    /// Returns the approximate number of multiplications in [`Self::inverse`] for `n_inputs`
+    /// equally spaced inputs.
     pub fn inverse_cost(&self, n_inputs: usize, interval_s: f64) -> f64 {
         let (n, per_input) = (n_inputs as f64, OUTPUTS_PER_INPUT as f64);
         let width = (self.settled_s() / interval_s).min(n) + 2.0;
@@ -89,8 +93,9 @@ pub struct Inverse<'a> {
 }
 
 impl Inverse<'_> {
-    /// Returns the inputs for which the loop's output is closest to `wanted` in the least-squares
-    /// sense. The loop is initially at rest at the first wanted value.
+    /// Returns the inputs, in the unit of `wanted`, for which the loop's output is closest to
+    /// `wanted` in the least-squares sense. `wanted` is a function of the time in s. The loop is
+    /// initially at rest at the first wanted value.
     pub fn inputs(&self, wanted: impl Fn(f64) -> f64) -> Vec<f64> {
         let Some(start_s) = self.times_s.first() else { return Vec::new() };
         let rest = wanted(*start_s);
@@ -109,7 +114,8 @@ impl Inverse<'_> {
         right.into_iter().map(|input| input + rest).collect()
     }
 
-    /// Returns the equally spaced times at which the output is compared with the target.
+    /// Returns the equally spaced times in s at which the output is compared with the target,
+    /// [`OUTPUTS_PER_INPUT`] for each input.
     fn outputs_s(&self) -> impl Iterator<Item = f64> + use<> {
         let ends_s = [self.times_s.first(), self.times_s.last()];
         let [start_s, end_s] = ends_s.map(|end_s| end_s.copied().unwrap_or_default());
@@ -120,11 +126,13 @@ impl Inverse<'_> {
         times_s.take_while(move |time_s| step_s > 0.0 && *time_s <= until_s)
     }
 
-    /// Sets `weights` to the row of W for an output's time, and returns its first input's index.
+    /// Sets `weights` to the weights of the inputs in the output at `time_s`, which are a row of
+    /// the matrix W. Returns the index of the input to which the first weight belongs. All earlier
+    /// weights are 0.
     #[inline(always)]
     fn weigh(&self, time_s: f64, weights: &mut Vec<f64>) -> usize {
         let Self { response, settled_s, times_s, .. } = self;
-        let until = times_s.partition_point(|t| *t <= time_s + 1e-9);
+        let until = times_s.partition_point(|t| *t <= time_s + ROUNDING_S);
         let from = times_s[..until].partition_point(|t| t + settled_s < time_s).saturating_sub(1);
         let response_to = |input_s: &f64| response.value_at(time_s - input_s);
         // Earlier inputs have settled, so the weight of the window's first input includes theirs.

@@ -17,7 +17,8 @@ pub(super) struct Smoothing {
 }
 
 impl Smoothing {
-    /// Returns the longest averages that satisfy the limits of a style at a stroke speed.
+    /// Returns the longest averages that satisfy the limits of a style at a stroke speed. A corner
+    /// is then cut by at most the style's error.
     pub(super) fn new(stroke_speed_m_s: f64, style: &EvenStyle) -> Self {
         let (a, j) = (style.acceleration_m_s2, style.jerk_m_s3);
         let error_m = style.corner_error_m;
@@ -29,6 +30,7 @@ impl Smoothing {
             return Self { long_s: equal_s, short_s: equal_s, turn_m_s };
         }
         // The corner's error for Δv = a T1 determines T1, and the jerk determines T2 = a / j.
+        // For T1 > T2, the error is a (T1²/8 + T2²/24).
         let by_error_s = (8.0 * (error_m / a - short_s * short_s / 24.0)).sqrt();
         // A pen never changes its velocity by more than twice its speed, so an even longer average
         // would only cut corners more.

@@ -19,6 +19,9 @@ pub(super) struct Node {
 /// Maximum distance in m between nodes on a path whose speed changes, and their maximum number.
 const STEP_M: f64 = 0.005;
 const MAX_NODES: f64 = 100_000.0;
+/// Maximum distance between nodes, relative to the length for which the slowest corner slows the
+/// drone.
+const NODES_STEP: f64 = 0.25;
 /// Multiple of the longer average's duration for which a corner's speed is held before and after
 /// it, because nothing else may change the velocity within the average.
 const NEAR: f64 = 1.05;
@@ -28,8 +31,9 @@ const MAX_SLOWDOWNS: usize = 90;
 /// Relative tolerance of the permitted turn, for rounding errors.
 const ROUNDING: f64 = 1e-9;
 
-/// Returns nodes of a stroke with their speeds. The nodes are its corners if the speed is constant,
-/// and are closely spaced otherwise.
+/// Returns nodes along a stroke with their speeds, which respect corners, paces and the
+/// acceleration limit. The nodes are its corners if the speed is constant, and are closely spaced
+/// otherwise.
 pub(super) fn profile(
     stroke: &PenStroke,
     smoothing: &Smoothing,
@@ -47,7 +51,7 @@ pub(super) fn profile(
     let slowest_m_s = caps_m_s.iter().copied().fold(stroke_speed_m_s, f64::min);
     let near_s = NEAR * smoothing.long_s;
     let total_m = corners.distances_m[corners.distances_m.len() - 1];
-    let step_m = (0.25 * slowest_m_s * near_s).min(STEP_M).max(total_m / MAX_NODES);
+    let step_m = (NODES_STEP * slowest_m_s * near_s).min(STEP_M).max(total_m / MAX_NODES);
     let mut nodes: Vec<Node> = Vec::new();
     let mut distances_m: Vec<f64> = Vec::new();
     for (index, ends) in points_m.windows(2).enumerate() {
@@ -73,7 +77,8 @@ struct Corners {
 }
 
 impl Corners {
-    /// Measures the corners of a polyline.
+    /// Measures the distance of each corner of a polyline from its beginning in m, and the change
+    /// of direction there (the length of the difference of the unit vectors).
     fn new(points_m: &[Vector2<f64>]) -> Self {
         let along = |pair: &[Vector2<f64>]| (pair[1] - pair[0]).normalize();
         let (mut distances_m, mut turn) = (vec![0.0], vec![0.0]);
@@ -86,8 +91,8 @@ impl Corners {
         Self { distances_m, turn }
     }
 
-    /// Returns the maximum speed at each corner at which neighboring corners together do not turn
-    /// the velocity too far.
+    /// Returns the maximum speed in m/s at each corner at which neighboring corners together do not
+    /// turn the velocity too far. Speeds are lowered by [`SLOWDOWN`] until that is the case.
     fn caps_m_s(&self, fastest_m_s: f64, smoothing: &Smoothing) -> Vec<f64> {
         let n = self.distances_m.len();
         let mut caps_m_s = vec![fastest_m_s; n];
@@ -115,7 +120,7 @@ impl Corners {
         caps_m_s
     }
 
-    /// Limits each node within the averaging time of a corner to the corner's speed.
+    /// Limits each node within the averaging time `near_s` of a corner to the corner's speed.
     fn slow_down(&self, nodes: &mut [Node], distances_m: &[f64], caps_m_s: &[f64], near_s: f64) {
         for (corner, cap_m_s) in caps_m_s.iter().enumerate().filter(|(i, _)| self.turn[*i] > 0.0) {
             let (corner_m, reach_m) = (self.distances_m[corner], cap_m_s * near_s);
@@ -129,6 +134,7 @@ impl Corners {
 }
 
 /// Lowers the speeds of nodes to the acceleration limit, forward and backward along the path.
+/// `distances_m` contains the distance of each node from the stroke's beginning.
 fn limit_acceleration(acceleration_m_s2: f64, nodes: &mut [Node], distances_m: &[f64]) {
     let n = nodes.len();
     let onward = (1..n).map(|i| (i - 1, i));

@@ -32,6 +32,8 @@ const SEARCH_S: f64 = 0.3;
 const N_STEPS: i32 = 75;
 /// Cost in m per second of difference from the flight's lag, since a drone may wait at an edge.
 const LAG_COST_M_S: f64 = 0.03;
+/// Speed in m/s below which a stroke has no direction.
+const AT_REST_M_S: f64 = 1e-9;
 /// Maximum number of samples that determine the lag of a flight.
 const MAX_SAMPLES: usize = 2000;
 
@@ -58,8 +60,8 @@ pub(super) struct Edge {
 }
 
 impl Edge {
-    /// Creates the edge at a row. A stroke begins at its first lit setpoint, and ends at its last
-    /// lit one, because the first dark setpoint may already be elsewhere.
+    /// Creates the edge of the light at a row. A stroke begins (`on`) at its first lit setpoint,
+    /// and ends at its last lit one, because the first dark setpoint may already be elsewhere.
     pub(super) fn new(plan: &Plan, row: usize, on: bool) -> Self {
         let time_s = plan.setpoints[row].time_s;
         let drawing = &plan.setpoints[if on { row } else { row.max(1) - 1 }];
@@ -81,7 +83,8 @@ pub(super) struct Aligned<'a> {
 }
 
 impl<'a> Aligned<'a> {
-    /// Measures a flight's lag and mean error. Returns an error without samples or a design.
+    /// Measures a flight's lag and mean error over the samples within letters. Returns an error
+    /// without samples or a design.
     pub(super) fn new(flight: &'a Flight) -> Result<Self> {
         designed(flight, Part::Letters)?;
         let mut aligned = Self { samples: &flight.samples, lag_s: 0.0, offset_m: Vector3::zeros() };
@@ -104,8 +107,8 @@ impl<'a> Aligned<'a> {
         Ok(aligned)
     }
 
-    /// Returns the mean of `flown − design` after removal of a lag, and its variance in the word's
-    /// plane, over samples in chronological order.
+    /// Returns the mean in m of `flown − design` after removal of a lag, and its variance in m² in
+    /// the word's plane. The samples must be in chronological order.
     fn offset_and_variance<'s>(
         &self,
         samples: impl Iterator<Item = &'s FlightSample>,
@@ -131,8 +134,8 @@ impl<'a> Aligned<'a> {
         self.interpolated_m(self.samples.partition_point(|sample| sample.time_s <= time_s), time_s)
     }
 
-    /// Returns the position at a time, minus the mean error, interpolated between the sample before
-    /// `next` and the sample `next`.
+    /// Returns the position in m at a time, minus the mean error, interpolated between the sample
+    /// before `next` and the sample `next`.
     fn interpolated_m(&self, next: usize, time_s: f64) -> Vector3<f64> {
         let (before, after) = (next.max(1) - 1, next.min(self.samples.len() - 1));
         let [a, b] = [&self.samples[before], &self.samples[after]];
@@ -158,7 +161,9 @@ impl<'a> Aligned<'a> {
         steps.min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap_or(previous_lag_s)
     }
 
-    /// Returns the errors of the light at both ends of each stroke.
+    /// Returns the errors of the light at both ends of each stroke. The drone's distance along the
+    /// stroke beyond its end is positive if the light streaks, and negative if the light is
+    /// missing.
     pub(super) fn stroke_ends(&self, plan: &Plan, lamp: &LampTiming) -> Vec<StrokeEnd> {
         let (wanted, commanded) = (plan.lit(), plan.commanded());
         let pairs = switches(&wanted).zip(switches(&commanded));
@@ -166,7 +171,8 @@ impl<'a> Aligned<'a> {
         let ends = pairs.map(|((row, on), (sent, _))| {
             let time_s = lamp.light_s(plan.setpoints[sent].time_s);
             let edge = Edge::new(plan, row, on);
-            let along = edge.velocity_m_s.try_normalize(1e-9).unwrap_or_else(Vector3::zeros);
+            // A dot has no direction, so its ends have no error.
+            let along = edge.velocity_m_s.try_normalize(AT_REST_M_S).unwrap_or_else(Vector3::zeros);
             let beyond_m = (self.position_m(time_s) - edge.at_m).dot(&along);
             let streak_m = if on { -beyond_m } else { beyond_m };
             StrokeEnd { time_s, at_m: edge.at_m, on, streak_m }

@@ -13,6 +13,9 @@ use noctograph_core::flight::table::{FLIGHT_LONG, MAX_DURATION_S, on_grid};
 use noctograph_core::geometry::distance;
 use noctograph_core::strokes::{Glyph, Strokes};
 
+/// Time in s before the end of a segment in which no further setpoint is sent.
+const LEAST_LEFT_S: f64 = 1e-6;
+
 /// Plans the flight that writes strokes letter by letter, or returns an error if it is too long.
 pub(super) fn plan(strokes: &Strokes, options: &PlanOptions, style: &TeamStyle) -> Result<Plan> {
     // A flight that is too long is refused before any of it is planned.
@@ -41,7 +44,8 @@ pub(super) fn plan(strokes: &Strokes, options: &PlanOptions, style: &TeamStyle) 
     Plan::new(script.plan)
 }
 
-/// Returns an upper bound for the duration in s, including strokes, waits, take-off and landing.
+/// Returns an upper bound in s for the flight's duration, including strokes, waits, take-off and
+/// landing.
 fn longest_duration_s(strokes: &Strokes, options: &PlanOptions, style: &TeamStyle) -> f64 {
     let moves = strokes.glyphs.iter().flat_map(|glyph| &glyph.moves);
     let strokes_m: f64 = moves.map(|m| distance(m.from_m, m.to_m)).sum();
@@ -63,7 +67,8 @@ struct Script<'a> {
 }
 
 impl Script<'_> {
-    /// Takes off from the floor below the middle of the word, and flies below its first letter.
+    /// Sends a wait on the floor below the middle of the word, and the flight below its first
+    /// letter.
     fn take_off(&mut self, strokes: &Strokes) {
         let x_start_m = strokes.glyphs.first().map_or(0.0, |glyph| glyph.cell.left_m);
         self.wait(Vector3::zeros(), self.options.floor_wait_s);
@@ -72,7 +77,7 @@ impl Script<'_> {
         self.fly(lift_off, approach, false);
     }
 
-    /// Writes one letter, then steps to the right of its box and waits there in the dark.
+    /// Sends the moves of one letter, then a step to the right of its box and a dark wait there.
     fn write(&mut self, glyph: &Glyph) {
         let mut last = self.position_m();
         for (index, step) in glyph.moves.iter().enumerate() {
@@ -90,7 +95,8 @@ impl Script<'_> {
         self.wait(beside, self.style.letter_wait_s);
     }
 
-    /// Descends vertically, returns below the middle of the word, and stops the motors.
+    /// Sends the vertical descent, the return below the middle of the word, and the stop of the
+    /// motors.
     fn land(&mut self) {
         let above = self.position_m();
         let down = Vector3::new(above.x, 0.0, self.options.landing_height_m);
@@ -100,7 +106,8 @@ impl Script<'_> {
         self.send(Vector3::zeros(), Vector3::zeros(), false);
     }
 
-    /// Flies a straight segment at the stroke speed. A short lit segment takes as long as a dot.
+    /// Sends a straight segment at the stroke speed, with the light on if `lit`. A short lit
+    /// segment takes as long as a dot.
     fn fly(&mut self, from: Vector3<f64>, to: Vector3<f64>, lit: bool) {
         let (length_m, speed_m_s) = ((to - from).norm(), self.options.stroke_speed_m_s);
         if length_m > 0.0 {
@@ -115,19 +122,21 @@ impl Script<'_> {
         self.segment(position_m, Vector3::zeros(), duration_s, false);
     }
 
-    /// Sends setpoints at fixed intervals for `duration_s`.
+    /// Sends setpoints with the light `lit` at fixed intervals for `duration_s`, which move from a
+    /// position in m at a constant velocity in m/s.
     fn segment(&mut self, from: Vector3<f64>, velocity: Vector3<f64>, duration_s: f64, lit: bool) {
         let start_s = self.time_s;
         let offsets_s = (0..).map(|n| f64::from(n) * self.options.setpoint_interval_s);
         // A setpoint just before the end would only repeat the first one of the next segment.
-        for offset_s in offsets_s.take_while(|offset_s| *offset_s < duration_s - 1e-6) {
+        for offset_s in offsets_s.take_while(|offset_s| *offset_s < duration_s - LEAST_LEFT_S) {
             self.time_s = start_s + offset_s;
             self.send(from + velocity * offset_s, velocity, lit);
         }
         self.time_s = start_s + duration_s;
     }
 
-    /// Sends a setpoint at the current time.
+    /// Adds a setpoint at the current time to the plan, with the position in m, the velocity in m/s
+    /// and the light `lit`.
     fn send(&mut self, position: Vector3<f64>, velocity: Vector3<f64>, lit: bool) {
         let setpoint = Setpoint {
             time_s: on_grid(self.time_s),

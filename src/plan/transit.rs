@@ -27,6 +27,10 @@ const CONTROL_CYCLE_S: f64 = 0.01;
 /// Tolerance of a whole number of ticks, and maximum number of durations tried to reach one.
 const TICK_SLACK: f64 = 1e-6;
 const MAX_TRIALS: usize = 8;
+/// Number of equal spans at whose ends a transit's speed and acceleration are checked.
+const N_SAMPLES: u32 = 32;
+/// Distance in m below which a transit has no direction.
+const LEAST_PATH_M: f64 = 1e-9;
 
 /// Path that is flown in the dark.
 #[derive(Debug)]
@@ -61,9 +65,12 @@ impl Transit {
 
     /// Returns the fastest transit over all pairs of angles that divide the limits between the
     /// axes, preferably one that satisfies the speed limit. Returns `None` if Ruckig finds none.
+    /// The acceleration limit applies to each axis.
     fn fastest(from: &State, to: &State, style: &EvenStyle, tick_s: f64) -> Option<Self> {
         let path_m = to.position_m - from.position_m;
-        let angle_rad = if path_m.norm() > 1e-9 { libm::atan2(path_m.y, path_m.x) } else { 0.0 };
+        // Without a distance, the path has no direction, and world x serves as its axis.
+        let has_direction = path_m.norm() > LEAST_PATH_M;
+        let angle_rad = if has_direction { libm::atan2(path_m.y, path_m.x) } else { 0.0 };
         let world_from_path = Rotation2::new(angle_rad);
         let splits = SPLITS_RAD.iter().flat_map(|a| SPLITS_RAD.iter().map(move |v| [*v, *a]));
         let paths = splits.filter_map(|splits_rad| {
@@ -81,9 +88,11 @@ impl Transit {
         paths.into_iter().nth(within_limit.unwrap_or(0))
     }
 
-    /// Returns the greatest norm of a vector of the state at 33 equally spaced times.
+    /// Returns the greatest norm of a vector of the state at equally spaced times, in the unit of
+    /// the vector.
     fn max_norm(&self, vector: impl Fn(&State) -> Vector2<f64>) -> f64 {
-        let times_s = (0..=32).map(|k| self.duration_s() * f64::from(k) / 32.0);
+        let fractions = (0..=N_SAMPLES).map(|k| f64::from(k) / f64::from(N_SAMPLES));
+        let times_s = fractions.map(|fraction| self.duration_s() * fraction);
         times_s.map(|time_s| vector(&self.state_at(time_s)).norm()).fold(0.0, f64::max)
     }
 
@@ -92,7 +101,7 @@ impl Transit {
         self.trajectory.get_duration()
     }
 
-    /// Returns the state at a time after the transit's beginning, in the plane of the word.
+    /// Returns the state at a time in s after the transit's beginning, in the plane of the word.
     pub(super) fn state_at(&self, time_s: f64) -> State {
         let zero = || DataArrayOrVec::<f64, 2>::new(None, 0.0);
         let (mut p, mut v, mut a) = (zero(), zero(), zero());
@@ -108,7 +117,8 @@ impl Transit {
 }
 
 /// Returns Ruckig's input, which contains states and limits along the path (axis 0) and across it
-/// (axis 1). One angle divides the speed limit between the axes, another the acceleration limit.
+/// (axis 1). One angle in rad divides the speed limit between the axes, and another the
+/// acceleration limit.
 fn input(
     from: &State,
     to: &State,

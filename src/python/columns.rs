@@ -21,7 +21,7 @@ impl Columns {
     }
 
     /// Returns `width` numbers per time, row by row. If `array` is `None`, all numbers are
-    /// `default`.
+    /// `default`. Raises `InputError` under the argument's `name` if there is not one row per time.
     pub(super) fn column(
         &self,
         name: &str,
@@ -40,7 +40,8 @@ impl Columns {
         Err(refused(array.py(), name, actual, format!("{n} rows, as time_s"), hint))
     }
 
-    /// Returns a vector for each time. If `array` is `None`, all vectors are zero.
+    /// Returns a vector for each time, in the unit and axes of the array, which has the shape (N,
+    /// 3). If `array` is `None`, all vectors are zero.
     pub(super) fn points(
         &self,
         name: &str,
@@ -50,8 +51,9 @@ impl Columns {
         Ok(values.chunks(3).map(Vector3::from_column_slice).collect())
     }
 
-    /// Returns the lamps' levels by channel. A single array in place of a dict contains the levels
-    /// of the headlights.
+    /// Returns the lamps' levels by channel, one for each time, 0 to 1. `light` is a dict of arrays
+    /// of the shape (N,). A single array contains the levels of the headlights, which are all
+    /// `default` if it is `None`.
     pub(super) fn lights(
         &self,
         light: Option<&Bound<'_, PyAny>>,

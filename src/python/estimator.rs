@@ -52,8 +52,9 @@ impl PyEstimator {
     }
 }
 
-/// Calls an estimator with the readings of a tick. Returns the twelve states, or an exception if
-/// the result has another form.
+/// Calls an estimator with the readings of a tick, whose keys `fly` documents. Returns the twelve
+/// states: position in m, yaw, pitch and roll in rad, velocity in m/s and angular velocity in
+/// rad/s. Returns an exception if the result is not twelve finite numbers.
 fn call_update(
     py: Python<'_>,
     update: &Py<PyAny>,

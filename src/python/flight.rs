@@ -63,7 +63,8 @@ impl PyFlight {
         Self { flight }
     }
 
-    /// Returns a quantity with a row for each sample, all NaN if the flight lacks the quantity.
+    /// Returns a quantity, in SI units, with a row for each sample. All numbers are NaN if the
+    /// flight lacks the quantity.
     fn array<'py>(&self, py: Python<'py>, quantity: Quantity) -> PyResult<Bound<'py, PyAny>> {
         let (samples, columns) = (&self.flight.samples, quantity.places());
         let values: Vec<f64> = match self.flight.has(quantity) {
@@ -76,6 +77,8 @@ impl PyFlight {
 
 #[pymethods]
 impl PyFlight {
+    /// Creates a flight from columns, as the class documents. Raises `InputError` for fewer than
+    /// two times, and for times that are not in seconds.
     #[new]
     #[pyo3(signature = (time_s, position_m, *, light = None, attitude_rad = None, design_m = None))]
     fn from_arrays<'py>(
@@ -276,6 +279,7 @@ impl PyFlight {
         self.flight.samples.len()
     }
 
+    /// Returns the number of samples and the duration in s, in angle brackets.
     fn __repr__(&self) -> String {
         let samples = &self.flight.samples;
         let duration_s = samples.last().map_or(0.0, |last| last.time_s - samples[0].time_s);
@@ -295,8 +299,8 @@ pub(super) fn for_any_controller(mut scene: Scene) -> Scene {
     scene
 }
 
-/// Flies a session with a Python controller. `Ok(Err)` contains an exception that the controller
-/// raised.
+/// Flies a session with a Python controller, which also receives the time in s if `takes_time` is
+/// true. `Ok(Err)` contains an exception that the controller raised.
 fn fly_with_controller(
     function: &Py<PyAny>,
     takes_time: bool,
@@ -313,8 +317,9 @@ fn fly_with_controller(
     Ok(Ok(session.finish()))
 }
 
-/// Calls a Python controller, with `time_s` if `takes_time` is true. Returns its four motor
-/// commands.
+/// Calls a Python controller with the estimate of the state and the reference, and with `time_s` if
+/// `takes_time` is true. Returns its four motor commands, 0 to 65535. Raises `InputError` for NaN
+/// or another number of commands.
 fn call_controller(
     function: &Py<PyAny>,
     (state, reference): ([f64; 12], [f64; 9]),
@@ -413,8 +418,9 @@ struct PyFunctions {
     estimator: Option<PyEstimator>,
 }
 
-/// Flies the given plans or, if `plans` is `None`, those of the scene. `Ok(Err)` contains an
-/// exception that the controller raised.
+/// Flies the given plans or, if `plans` is `None`, those of the scene. If `covariance` is true, the
+/// flights contain the uncertainty of the Kalman filter. `Ok(Err)` contains an exception that the
+/// controller raised. Python functions and covariances are refused for several drones.
 fn fly_plans(
     scene: Scene,
     plans: Option<Vec<Plan>>,

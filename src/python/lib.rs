@@ -55,7 +55,8 @@ mod _noctograph {
     const __version__: &str = env!("CARGO_PKG_VERSION");
 }
 
-/// Converts an error to a Python exception, which is a class of `noctograph.errors`, or `OSError`.
+/// Converts an error to a Python exception. Its class is `InputError` for input, `InfeasibleError`
+/// for what cannot be flown, and `OSError` for files.
 fn raised(py: Python<'_>, error: &Error) -> PyErr {
     let (class, arguments) = match error {
         Error::Input { place, found, wanted, hint, .. } => {
@@ -90,7 +91,8 @@ fn raised(py: Python<'_>, error: &Error) -> PyErr {
     exception.map_or_else(|reason| reason, PyErr::from_value)
 }
 
-/// Returns the Python exception for an input that cannot be used.
+/// Returns `InputError` for an input that cannot be used: its place, what was found there, what is
+/// wanted in its stead, and a hint.
 fn refused(
     py: Python<'_>,
     place: &str,
@@ -123,7 +125,7 @@ fn main(py: Python<'_>, program: Vec<OsString>, words: Vec<OsString>) -> u8 {
     py.detach(noctograph::cli::main)
 }
 
-/// Returns the text that `write` writes.
+/// Returns as text the CSV that `write` writes to a buffer.
 fn text_of(write: impl FnOnce(&mut Vec<u8>) -> std::io::Result<()>) -> String {
     let mut csv = Vec::new();
     write(&mut csv).expect("memory can be written");
@@ -147,7 +149,8 @@ fn save(py: Python<'_>, path: &Path, bytes: &[u8]) -> PyResult<()> {
     written.map(|_path| ()).map_err(|error| raised(py, &error))
 }
 
-/// Writes the file of a plan or flight, and a scene beside it if one is given.
+/// Writes the file of a plan or flight to `path`, and a scene beside it if one is given. A file
+/// appears when it is complete.
 fn save_with(py: Python<'_>, path: &Path, bytes: &[u8], scene: Option<&PyScene>) -> PyResult<()> {
     let Some(PyScene(scene)) = scene else { return save(py, path, bytes) };
     // Both temporary files are created before either is renamed.
@@ -164,7 +167,8 @@ fn to_python<'py>(py: Python<'py>, value: &impl serde::Serialize) -> PyResult<Bo
     py.import("json")?.call_method1("loads", (json,))
 }
 
-/// Runs a stage with the interpreter lock released, and returns its result. Ctrl-C stops the stage.
+/// Runs a stage with the interpreter lock released, and returns its result. Ctrl-C sets `stop`,
+/// which the stage checks, and raises `KeyboardInterrupt` at once.
 fn run<T: Send + 'static>(
     py: Python<'_>,
     stop: &Stop,
@@ -183,8 +187,8 @@ enum Ends {
     Joined,
 }
 
-/// Runs a stage like [`run`], and calls `show` repeatedly and at the end. An exception of `show`
-/// stops the stage.
+/// Runs a stage like [`run`], and calls `show` every 50 ms and at the end. An exception of `show`
+/// stops the stage. `ends` says whether this function then waits for the stage's thread.
 fn run_showing<T: Send + 'static>(
     py: Python<'_>,
     stop: &Stop,
@@ -249,8 +253,9 @@ fn arrays<'py>(
     columns.iter().map(|(name, values)| Ok((name.clone(), array(py, values, 1)?))).collect()
 }
 
-/// Returns the numbers of an array of shape `(rows, columns)`, or `(rows,)` for one column. Refuses
-/// other shapes, complex numbers and texts.
+/// Returns the numbers of an array of shape `(rows, columns)`, or `(rows,)` for one column, row by
+/// row. Raises `InputError` under the argument's `name` for other shapes, complex numbers and
+/// texts.
 fn numbers(array: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyResult<Vec<f64>> {
     let py = array.py();
     let array = py.import("numpy")?.call_method1("asarray", (array,))?;

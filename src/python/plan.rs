@@ -38,9 +38,9 @@ use noctograph::shoot::{Shoot, Stop};
 pub(super) struct PyPlan(pub(super) Plan);
 
 impl PyPlan {
-    /// Returns the position, velocity, acceleration and jerk at `time_s`, after the setpoint `row`.
-    /// The jerk is that of a trajectory on board, or the slope of the acceleration up to the next
-    /// setpoint.
+    /// Returns the position in m, velocity in m/s, acceleration in m/s² and jerk in m/s³ at
+    /// `time_s`, which follows the setpoint `row`. The jerk is that of a trajectory on board, or
+    /// the slope of the acceleration up to the next setpoint.
     fn design(&self, time_s: f64, row: usize) -> [Vector3<f64>; 4] {
         let (from, next) = (&self.0.setpoints[row], self.0.setpoints.get(row + 1));
         let Some(next) = next.filter(|_| time_s >= from.time_s) else {
@@ -58,7 +58,8 @@ impl PyPlan {
         [from.design_m(time_s), velocity_m_s, from.acceleration_m_s2, jerk_m_s3]
     }
 
-    /// Returns an array with the result of `row` for each setpoint.
+    /// Returns an array of shape (setpoints, `N`), whose rows are the results of `row` for each
+    /// setpoint's index.
     fn array<'py, const N: usize>(
         &self,
         py: Python<'py>,
@@ -70,6 +71,8 @@ impl PyPlan {
 
 #[pymethods]
 impl PyPlan {
+    /// Creates a plan from columns, as the class documents. Its numbers have as many digits as in a
+    /// file.
     #[new]
     #[pyo3(signature = (time_s, position_m, *, light = None, velocity_m_s = None, acceleration_m_s2 = None, sent_m = None, yaw_rad = 0.0))]
     #[expect(clippy::too_many_arguments, reason = "Python names them")]

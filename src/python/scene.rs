@@ -32,6 +32,8 @@ pub(super) struct PyScene(pub(super) Scene);
 
 #[pymethods]
 impl PyScene {
+    /// Creates a scene from another scene, or from the name of a scene or file, by default `cf21`.
+    /// The keys of `set` and the seed replace its settings, and the word is set last.
     #[new]
     #[pyo3(signature = (scene = None, *, word = None, seed = None, set = None))]
     fn new(
@@ -144,6 +146,7 @@ impl PyScene {
         reduced(slf.as_any(), "from_toml", slf.get().to_toml())
     }
 
+    /// Returns the keys that differ from the default scene with their values, in angle brackets.
     fn __repr__(&self) -> String {
         let changes = self.0.changes();
         let changes = changes.iter().map(|[key, value, _]| format!("{key} = {value}"));
@@ -151,7 +154,8 @@ impl PyScene {
     }
 }
 
-/// Appends the dotted keys of a dict with their values in the command line's syntax.
+/// Appends the dotted keys of a dict to `settings`, with their values in the command line's syntax.
+/// `path` is the dotted key of the dict with a dot at its end, or an empty text.
 fn flatten(
     table: &Bound<'_, PyDict>,
     path: &str,
@@ -174,7 +178,8 @@ pub(super) fn setting(value: &Bound<'_, PyAny>) -> PyResult<String> {
     value.extract::<String>().or_else(|_not_text| toml(value))
 }
 
-/// Converts a Python value or numpy array to TOML. Refuses other types, such as None.
+/// Converts a Python value or numpy array to the text of a TOML value. Raises `InputError` for
+/// other types, such as None.
 fn toml(value: &Bound<'_, PyAny>) -> PyResult<String> {
     // Booleans are tested before integers, because a Python bool is also an int.
     if let Ok(flag) = value.cast::<PyBool>() {

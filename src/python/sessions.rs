@@ -33,8 +33,8 @@ struct SeededFlight {
 }
 
 impl SeededFlight {
-    /// Applies `motors` for `n` command intervals, or flies with the scene's controller if `motors`
-    /// is `None`. A lost drone does not move.
+    /// Applies the commands `motors`, 0 to 65535, for `n` command intervals, or flies with the
+    /// scene's controller if `motors` is `None`. A lost drone does not move.
     fn hold(&mut self, motors: Option<[f64; 4]>, n: u32) {
         if let Some(session) = self.session.as_mut().filter(|_| self.lost.is_none()) {
             let result = (0..n).try_for_each(|_| match motors {
@@ -45,7 +45,7 @@ impl SeededFlight {
         }
     }
 
-    /// Ends the flight, and returns its photo's outcome, with a warning if it never took off.
+    /// Ends the flight. Returns the outcome of its photo, and a warning if it never took off.
     fn judge(self, prepared: &Prepared) -> Result<(Outcome, Option<Diagnostic>)> {
         match (self.lost, self.session) {
             (None, Some(session)) => {
@@ -91,6 +91,9 @@ impl PySessions {
 
 #[pymethods]
 impl PySessions {
+    /// Prepares `n` flights of a scene under named conditions, and plans them once. If `by_itself`
+    /// is true, the plan is adapted to the scene's own controller. Raises `InputError` for a scene
+    /// of several drones.
     #[new]
     #[pyo3(signature = (scene, n, conditions, estimator = None, by_itself = false))]
     fn new(

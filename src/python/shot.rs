@@ -40,7 +40,7 @@ impl PyShot {
         self.shot.film.as_ref().expect("its shoot keeps it")
     }
 
-    /// Returns the photo as a JPEG of at most [`MOST_BYTES`], at a reduced quality or size.
+    /// Returns the photo as a JPEG of at most 150 kB, at a reduced quality or size.
     fn small_jpeg(&self) -> Vec<u8> {
         let mut photo = self.shot.photo.clone();
         loop {
@@ -150,6 +150,8 @@ impl PyShot {
         )
     }
 
+    /// Returns the photo's width and height in pixels and whether its word is legible, in angle
+    /// brackets.
     fn __repr__(&self) -> String {
         let (width, height) = (self.shot.photo.width_px, self.shot.photo.height_px);
         let verdict = self.shot.verdict.as_ref().map_or_else(String::new, |verdict| {
@@ -217,8 +219,8 @@ fn problems(shot: &Shot) -> impl Iterator<Item = String> {
 }
 
 /// Returns the recordings in `flights`, which is one or an iterable of them, with all their
-/// warnings. Issues only the warnings about files, because those about flights were issued when the
-/// flights were created.
+/// warnings. Each is a flight or the path of a file. Issues only the warnings about files, because
+/// those about flights were issued when the flights were created.
 fn recordings_of(
     py: Python<'_>,
     flights: &Bound<'_, PyAny>,
@@ -299,8 +301,9 @@ pub(super) fn score<'py>(
     to_python(py, &run(py, &Stop::default(), stage)?)
 }
 
-/// Returns the mean FLIP difference between a photo and the photo in a file, and the difference as
-/// PNG. If their sizes differ, returns 1 and no picture. See `noctograph/testing.py`.
+/// Returns the mean FLIP difference between a photo and the photo in a file, 0 to 1, and the bytes
+/// of a PNG that shows the difference. If their sizes differ, returns 1 and no bytes. See
+/// `noctograph/testing.py`.
 #[pyfunction]
 pub(super) fn flip<'py>(
     py: Python<'py>,
@@ -341,7 +344,8 @@ pub(super) fn read(py: Python<'_>, photo: &Bound<'_, PyAny>) -> PyResult<String>
     })
 }
 
-/// Converts an array of uint8 and shape (height, width, 3) to a photo. Refuses other arrays.
+/// Converts an array of uint8 and shape (height, width, 3) to a photo. Raises `InputError` for
+/// other arrays.
 fn pixels(image: &Bound<'_, PyAny>) -> PyResult<Photo> {
     let py = image.py();
     let image = py.import("numpy")?.call_method1("ascontiguousarray", (image,))?;

@@ -21,8 +21,9 @@ use noctograph::studies::{
     TuneOptions, Unranked, acuity, evaluate, flights_csv, marks_csv, rank, ranking_csv, tune,
 };
 
-/// Runs a stage that counts its flights, repeatedly calls the Python function `progress(done,
-/// total)` meanwhile, and returns the stage's result.
+/// Runs a stage of `total` flights, and meanwhile calls the Python function `progress(done, total)`
+/// every 50 ms. Returns the stage's result. The stage receives the signal to stop and the counter
+/// of the flights that are done.
 fn counted<T: Send + 'static>(
     py: Python<'_>,
     progress: Option<Py<PyAny>>,
@@ -104,8 +105,8 @@ pub(super) fn columns<'py>(
     Ok(columns)
 }
 
-/// Returns the study of named scenes, of words with their numbers of seeds, and of a seed, under
-/// the conditions `still`.
+/// Returns the study of named scenes, of words with their numbers of seeds, and of a seed, from
+/// which the seeds of the flights follow, under the conditions `still`.
 fn study(scenes: Vec<(String, PyRef<'_, PyScene>)>, words: Vec<(String, u32)>, seed: u64) -> Study {
     let contenders =
         scenes.into_iter().map(|(name, scene)| NamedScene::new(&name, scene.0.clone())).collect();
@@ -132,8 +133,8 @@ fn trials_of(study: &Study) -> Trials {
     study.trials().map(|trial| (trial.contender, trial.word, trial.seed)).collect()
 }
 
-/// Returns the rungs of a ladder with `n` seeds per word. Each rung contains the scenes with the
-/// rung's letter height, and the trials.
+/// Returns the rungs of a ladder with `n` seeds per word. Each rung has lower letters than the one
+/// before. It contains the scenes with the rung's letter height, and the trials.
 #[pyfunction]
 pub(super) fn ladder(
     py: Python<'_>,
@@ -157,8 +158,9 @@ fn rungs(study: &Study, n: u32) -> Result<Vec<Study>> {
     ladder.iter().try_for_each(Study::check).map(|()| ladder)
 }
 
-/// Flies the trials of a study that are not in `flown`, and returns the records of all trials.
-/// `flown` contains the outcomes of trials that Python flew, as JSON by the trial's index.
+/// Flies the trials of a study that are not in `flown`, and returns the records of all trials in
+/// their order. `flown` contains the outcomes of trials that Python flew, as JSON by the trial's
+/// index. `done` receives the number of trials that were flown here.
 fn records(
     study: &Study,
     flown: &BTreeMap<usize, String>,
@@ -324,8 +326,8 @@ pub(super) fn tuning<'py>(
 /// Number of seeds per word with which a tuned scene is tested.
 const TEST_SEEDS: u32 = 40;
 
-/// Calls a Python callback after a candidate. Returns true, so that the search continues, if the
-/// callback returns true or None.
+/// Calls a Python callback with the number of flights so far and the best candidate. Returns true,
+/// so that the search continues, if the callback returns true or None.
 fn call_back(callback: &Py<PyAny>, n_flights: usize, best: &Candidate) -> PyResult<bool> {
     Python::attach(|py| {
         let best = to_python(py, best)?;

@@ -62,7 +62,8 @@ impl Finder {
         finder
     }
 
-    /// Returns the placement at which the word correlates most with a picture of the grid.
+    /// Returns the placement at which the word correlates most with a picture of the grid, whose
+    /// pixels are the light from 0 to 1.
     pub(super) fn place(&self, picture: &Raster) -> Placed {
         let picture = picture.half();
         let coarse = Target::new(picture.blur(0.5 * BLURS_PX[0]).half());
@@ -97,7 +98,8 @@ impl Finder {
         Placed { shift_m: Vec2::new(right, -down), scale, rotation_rad, ..self.home }
     }
 
-    /// Returns the best scale without rotation, and its shift in pixels at half resolution.
+    /// Returns the best scale without rotation, and its shift to the right and down in pixels at
+    /// half resolution. `quarter` is the picture at quarter resolution.
     fn coarse_placement(&self, quarter: &Target) -> (f64, [isize; 2]) {
         let mut best = (f32::NEG_INFINITY, 1.0, [0, 0]);
         // Maximum shift in pixels at quarter resolution.
@@ -111,7 +113,8 @@ impl Finder {
         (best.1, best.2)
     }
 
-    /// Returns the word at a scale and rotation, either from the cache or newly drawn.
+    /// Returns the word in a pose `[scale, rotation in rad]`, either from the cache or newly drawn,
+    /// at half the grid's resolution.
     fn word_to_try(&self, pose: [f64; 2]) -> Arc<Raster> {
         let cache = self.cache.lock().unwrap_or_else(PoisonError::into_inner);
         let cached = cache.iter().find(|(cached, _)| *cached == pose).map(|(_, word)| word.clone());
@@ -153,8 +156,8 @@ impl Target {
         Self { raster, norm }
     }
 
-    /// Returns the greatest correlation and its shift, at most `reach` pixels from `around` on each
-    /// axis.
+    /// Returns the greatest correlation, up to 1, and its shift to the right and down, at most
+    /// `reach` pixels from `around` on each axis.
     pub(super) fn best_shift(
         &self,
         word: &Raster,
@@ -175,8 +178,9 @@ impl Target {
         best
     }
 
-    /// Returns the peak of the correlation within one pixel of a shift: its height, its shift in
-    /// whole pixels, and the fraction of a pixel at the vertex of a parabola along each axis.
+    /// Returns the peak of the correlation within one pixel of a shift: its height up to 1, its
+    /// shift in whole pixels, and the fraction of a pixel at the vertex of a parabola along each
+    /// axis.
     fn peak(&self, word: &Raster, around: [isize; 2]) -> (f32, [isize; 2], [f32; 2]) {
         let (similarity, shift) = self.best_shift(word, around, 1);
         let inverse_norms = self.inverse_norms(word);
@@ -199,7 +203,8 @@ impl Target {
         (top, shift, fraction_px)
     }
 
-    /// Returns 1 divided by the product of both norms, or 0 if picture or word is uniform.
+    /// Returns 1 divided by the product of both norms, or 0 if picture or word is uniform. Times
+    /// the sum of products, this is the correlation.
     fn inverse_norms(&self, word: &Raster) -> f32 {
         // The picture's mean is 0. The squared norm of the word's deviations is Σw² − (Σw)² / n.
         let ones = vec![1.0; word.values.len()];
@@ -208,7 +213,8 @@ impl Target {
         if norm > 0.0 { 1.0 / norm } else { 0.0 }
     }
 
-    /// Returns the sum of the products of the picture and the shifted word where they overlap.
+    /// Returns the sum of the products of the picture and the shifted word where they overlap. The
+    /// shift is to the right and down in pixels.
     fn sum_of_products(&self, word: &Raster, [right, down]: [isize; 2]) -> f32 {
         // The overlap on each axis: first pixel in the picture, first pixel in the word, and size.
         let width = word.width;

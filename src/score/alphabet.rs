@@ -46,6 +46,7 @@ const OTHER_LETTERS: &str = "ßẞ:B ÆæǼǽ:AE Œœ:OE Ĳĳ:IJ Þþ:P Ŋŋ:N �
 const SHARP_S: [char; 2] = ['ß', 'ẞ'];
 
 /// Returns the Latin letter or digit that a character looks like, in the case of that character.
+/// Returns `None` for characters that look like none.
 pub(super) fn latin(character: char) -> Option<char> {
     if character.is_ascii_alphanumeric() {
         return Some(character);
@@ -130,8 +131,9 @@ pub(super) fn with_case_of(letter: char, other: char) -> char {
     if other.is_lowercase() { letter.to_ascii_lowercase() } else { letter }
 }
 
-/// Returns the letters and digits with their classes. A class that is in `taken` or belongs to an
-/// earlier name is omitted, as is a name without remaining classes.
+/// Returns the letters and digits with their classes, the digits first if `digits_first` is true. A
+/// class that is in `taken` or belongs to an earlier name is omitted, as is a name without
+/// remaining classes.
 pub(super) fn names(mut taken: Classes, digits_first: bool) -> Vec<(char, Classes)> {
     let (letters, digits) = NAMES.split_at(26);
     let order = if digits_first { [digits, letters] } else { [letters, digits] };

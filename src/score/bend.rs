@@ -145,7 +145,8 @@ impl LightLines {
         bent
     }
 
-    /// Returns the offset from a stroke to the nearest narrow light across it, if there is any.
+    /// Returns the offset in pixels from a stroke to the nearest narrow light across it, along the
+    /// unit vector `across`. Returns `None` without such light.
     fn offset(&self, point: Point, across: Vec2) -> Option<f64> {
         let mut nearest: Option<f64> = None;
         let mut first_lit = None;
@@ -235,20 +236,20 @@ impl LightLines {
     }
 }
 
-/// Returns the distance from a point to the nearest segment.
+/// Returns the distance in pixels from a point to the nearest segment.
 pub(super) fn distance(point: Point, segments: &[Line]) -> f64 {
     let ends = segments.iter().map(|segment| [xy(segment.p0), xy(segment.p1)]);
     ends.map(|ends| segment_distance(xy(point), ends)).fold(f64::INFINITY, f64::min)
 }
 
-/// Cuts a segment into equal parts of at most one pixel, and returns the center of each.
+/// Cuts a segment into equal parts of at most one pixel, and returns the center of each in pixels.
 fn pixel_steps(segment: Line) -> impl Iterator<Item = Point> {
     let Vec2 { x, y } = segment.p1 - segment.p0;
     let n_steps = whole(libm::hypot(x, y).ceil());
     (0..n_steps).map(move |step| segment.p0.lerp(segment.p1, (step as f64 + 0.5) / n_steps as f64))
 }
 
-/// Returns the angle between two segments, 0 to π.
+/// Returns the angle in rad between two segments, 0 to π.
 fn turn(a: Line, b: Line) -> f64 {
     let [a, b] = [a, b].map(|line| line.p1 - line.p0);
     libm::atan2(a.cross(b), a.dot(b)).abs()
@@ -261,7 +262,8 @@ fn normal(segment: Line) -> Vec2 {
     Vec2::new(-y / length, x / length)
 }
 
-/// Returns the median of the offsets around a point. The window widens until it contains light.
+/// Returns the median of the offsets around the point `index`, in pixels. The window widens until
+/// it contains light. Without any light, the offset is 0.
 fn smooth(offsets: &[Option<f64>], index: usize) -> f64 {
     let mut reach = AROUND;
     loop {

@@ -46,6 +46,7 @@ pub const CALIBRATION: Calibration = Calibration {
 
 /// Returns the probability that a viewer reads a word with these `choices` for its letters.
 /// `ln_odds_of_word` is the logarithm of its odds against the likeliest other word.
+/// `ln_p_of_spelling` is the mean logarithm of the probability of its letters in English.
 pub(super) fn readability(choices: &[Choice], ln_odds_of_word: f64, ln_p_of_spelling: f64) -> f64 {
     let odds = choices.iter().map(|choice| choice.p / (1.0 - choice.p).max(LEAST_REST));
     let log_odds = odds.map(|odds| libm::log(odds).clamp(LOG_ODDS[0], LOG_ODDS[1]));

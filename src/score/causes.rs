@@ -141,7 +141,8 @@ pub struct Known {
 /// Minimum lag behind the setpoints that advice mentions.
 const LEAST_LAG_S: f64 = 0.02;
 
-/// Returns the sentence of advice about all faults of a kind.
+/// Returns the sentence of advice about all faults of a kind. `causes` are these faults, and
+/// `letters` the characters of the word.
 pub(super) fn sentence(
     kind: CauseKind,
     causes: &[&Cause],
@@ -215,7 +216,7 @@ pub(super) fn sentence(
     }
 }
 
-/// Returns the times of the log gaps as text, without duplicates.
+/// Returns the times of the log gaps in s as text, without duplicates.
 fn gap_times(causes: &[&Cause]) -> String {
     let mut gap_times: Vec<[f64; 2]> = causes.iter().filter_map(|cause| cause.log_gap_s).collect();
     gap_times.sort_by(|a, b| a[0].total_cmp(&b[0]));
@@ -224,7 +225,8 @@ fn gap_times(causes: &[&Cause]) -> String {
     gap_times.collect::<Vec<_>>().join(", ")
 }
 
-/// Lists the letters of the causes as text, each with its position (from 1), without duplicates.
+/// Lists the letters of the causes as text, each with its position in the word from 1, without
+/// duplicates.
 fn named_letters(causes: &[&Cause], letters: &[char]) -> String {
     let mut names: Vec<String> = Vec::new();
     for index in causes.iter().filter_map(|cause| cause.letter) {

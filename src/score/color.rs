@@ -14,7 +14,7 @@ const MIN_CHANNEL: f32 = 0.3;
 /// of an overexposed blue lamp is three quarters white. A trail's white part varies by a tenth.
 const FOREIGN: f32 = 3.0;
 
-/// Returns the mean color of the `n_pixels` brightest pixels.
+/// Returns the mean color of the `n_pixels` brightest pixels, in linear light.
 pub(super) fn of_brightest(light: &[Rgb], n_pixels: usize) -> Rgb {
     // The half million pixels are sorted as integers, which take half the memory. Pixels of equal
     // luminance are sorted by color, so that the result does not depend on their order.
@@ -33,7 +33,8 @@ pub(super) fn of_brightest(light: &[Rgb], n_pixels: usize) -> Rgb {
     sum.map(|sum| sum / n_pixels as f32)
 }
 
-/// Returns an integer that sorts like [`f32::total_cmp`], by the same bit operations.
+/// Returns an integer that sorts like [`f32::total_cmp`], by the same bit operations. The sign bit
+/// stays, and negative numbers are inverted.
 fn rank(value: f32) -> i32 {
     let bits = value.to_bits().cast_signed();
     bits ^ ((bits >> 31).cast_unsigned() >> 1).cast_signed()

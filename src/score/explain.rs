@@ -88,8 +88,9 @@ impl Reader {
         Ok((verdict, marks))
     }
 
-    /// Sets the gain of each fault by reading its letter again without the fault. Drops the
-    /// mendings of letters that are not read again. Returns the judgment of the unmended photo.
+    /// Sets the gain in probability of each fault by reading its letter again without the fault.
+    /// Drops the mendings of letters that are not read again. Returns the judgment of the unmended
+    /// photo.
     fn gains(&self, seen: &Seen, sketches: &[Sketch], faults: &mut [Fault]) -> Judgment {
         let columns = Columns::joined(seen.columns.iter().cloned());
         let in_place = self.expected.judge(&columns);
@@ -122,7 +123,7 @@ impl Reader {
     }
 
     /// Compares the light of each letter with its strokes, sets the letters' measures in the
-    /// verdict, adds marks, and returns the faults.
+    /// verdict, adds marks, and returns the faults. `seen` is the word's light in the photo.
     fn compare(
         &self,
         sketches: &[Sketch],
@@ -180,7 +181,8 @@ impl Reader {
     }
 
     /// Returns one sentence for each kind of fault, sorted by gain in readability. Kinds of faults
-    /// that cannot be mended come last, and are only listed if the word is not legible.
+    /// that cannot be mended come last, and are only listed if the word is not legible. `in_place`
+    /// is the evidence for the intended word.
     fn advise(
         &self,
         (seen, in_place): (&Seen, &Judgment),

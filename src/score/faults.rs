@@ -64,7 +64,7 @@ pub(super) enum Mending {
     Redraw,
 }
 
-/// Removes a fault from a picture.
+/// Removes a fault from the picture of a letter, as if its cause had been removed.
 pub(super) fn mend(picture: &mut Raster, mending: &Mending, sketch: &Sketch) {
     match mending {
         Mending::Straighten(points) => {
@@ -102,7 +102,7 @@ fn draw(picture: &mut Raster, points: &[Point]) {
     });
 }
 
-/// Sets every pixel whose center satisfies `is_painted` to `light`.
+/// Sets every pixel whose center satisfies `is_painted` to `light`, 0 to 1.
 fn paint(picture: &mut Raster, light: f32, is_painted: impl Fn(Point) -> bool) {
     let width = picture.width;
     for (index, value) in picture.values.iter_mut().enumerate() {
@@ -113,7 +113,9 @@ fn paint(picture: &mut Raster, light: f32, is_painted: impl Fn(Point) -> bool) {
 }
 
 impl Reader {
-    /// Returns the faults of a letter, given its gaps and the lines of extra light around it.
+    /// Returns the faults of the letter `index`, with changes that would mend them. `gaps` are the
+    /// dark parts of its strokes, and `extra` are the lines of light beside them. `placed` is the
+    /// place of the word in the photo, and `known` is what the flight reveals.
     pub(super) fn faults(
         &self,
         index: usize,
@@ -169,7 +171,8 @@ impl Reader {
         (Cause { length_mm, ..Cause::new(kind, Some(index)) }, Some(mending))
     }
 
-    /// Returns the fault of a line of extra light.
+    /// Returns the fault of a line of extra light near the letter `index`. If the drone's speed is
+    /// known, the length of a lit transit gives the lamp's delay.
     fn extra_light(&self, index: usize, line: ExtraLine, sketch: &Sketch, known: &Known) -> Fault {
         let kind = self.kind_of(index, &line, sketch);
         let page = &self.pages[index];
@@ -184,7 +187,7 @@ impl Reader {
         (cause, Some(Mending::Erase(line.points)))
     }
 
-    /// Classifies a line of extra light by its position and shape.
+    /// Classifies a line of extra light near the letter `index` by its position and shape.
     fn kind_of(&self, index: usize, line: &ExtraLine, sketch: &Sketch) -> CauseKind {
         let [left, top, right, bottom] = self.pages[index].cell();
         let [is_first, is_last] = [index == 0, index + 1 == self.pages.len()];
@@ -214,7 +217,8 @@ impl Reader {
     }
 }
 
-/// Returns the first log gap during which the lamps may have passed through most of these points.
+/// Returns the first log gap during which the lamps may have passed through most of these points,
+/// or `None` if there is none. The points are in pixels of the page.
 pub(super) fn lost_in<'a>(
     points: &[Point],
     page: &LetterPage,
@@ -228,7 +232,8 @@ pub(super) fn lost_in<'a>(
     })
 }
 
-/// Returns the mean of points on a page, in the plane of the word, or `None` if there are none.
+/// Returns the mean of points on a page, in m in the plane of the word, or `None` if there are
+/// none.
 fn middle_m(page: &LetterPage, points: &[Point]) -> Option<[f64; 2]> {
     let n_points = points.len() as f64;
     let sum: Vec2 = points.iter().map(|point| point.to_vec2()).sum();

@@ -66,8 +66,8 @@ pub fn find_word(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Option<
     Homography::from_corners([left, bottom, right, top], corners, size_px).ok().map(View::Plane)
 }
 
-/// Returns the median slope over all pairs of points (Theil 1950, Sen 1968), on which an outlier
-/// such as the tail of a letter has little influence.
+/// Returns the median slope, y over x, of all pairs of points (Theil 1950, Sen 1968), on which an
+/// outlier such as the tail of a letter has little influence.
 fn median_slope(points: &[[f64; 2]]) -> f64 {
     let pairs = (0..points.len()).flat_map(|a| (0..a).map(move |b| (points[a], points[b])));
     let apart = pairs.filter(|(a, b)| a[0] != b[0]);

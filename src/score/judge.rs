@@ -61,6 +61,7 @@ pub(super) struct Odds {
 }
 
 impl Odds {
+    /// Returns a word with the natural logarithm of its odds against the expected word.
     fn new(word: Vec<char>, ln_odds: f64) -> Self {
         Self { word: word.into_iter().collect(), ln_odds }
     }
@@ -172,7 +173,8 @@ impl Expected {
         merged.into_iter().map(|(_, choice)| choice).collect()
     }
 
-    /// Judges columns, and returns the choices, the likeliest other word, and the readability.
+    /// Judges columns. Returns the choices, the likeliest other word, and the readability from 0 to
+    /// 1.
     pub(super) fn judge(&self, columns: &Columns) -> Judgment {
         let choices = self.choices(columns);
         let rival = self.rival(columns, &choices);
@@ -192,7 +194,7 @@ impl Expected {
     }
 
     /// Returns the choice for the letter at `place`, given the letters around it. `middles` are the
-    /// mean columns of all letters.
+    /// mean columns of all letters, as positions in the strip.
     pub(super) fn choice_near(&self, columns: &Columns, middles: &[f64], place: usize) -> Choice {
         let letters = self.near(place);
         let part = columns_of(columns, middles, &letters);
@@ -304,7 +306,7 @@ impl Expected {
 }
 
 /// Returns the columns of some letters, from halfway to the letter before them to halfway to the
-/// one after them.
+/// one after them. `middles` are the mean columns of all letters.
 fn columns_of(columns: &Columns, middles: &[f64], letters: &Range<usize>) -> Columns {
     let ends = [letters.start, letters.end];
     let [from, to] = ends.map(|letter| match (letter.checked_sub(1), middles.get(letter)) {
@@ -315,7 +317,7 @@ fn columns_of(columns: &Columns, middles: &[f64], letters: &Range<usize>) -> Col
     columns.part(from..to.max(from + 1))
 }
 
-/// Returns the verdict on one letter.
+/// Returns the verdict on one letter, from the choice for it.
 pub(super) fn letter_verdict(choice: &Choice, expected: char) -> LetterVerdict {
     let others = choice.others.iter();
     let rivals = others.map(|(c, p)| Rival { letter: with_case_of(*c, expected), p: *p });

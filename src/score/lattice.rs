@@ -194,8 +194,8 @@ impl<'a> Lattice<'a> {
         self.scales.iter().map(|scale| libm::log(*scale)).sum()
     }
 
-    /// Returns the probability of the word if the letter at `index` is replaced by the classes
-    /// `set`, whose probability at each column is `p`.
+    /// Returns the probability of the word, in the lattice's unit, if the letter at `index` is
+    /// replaced by the classes `set`, whose probability at each column is `p`.
     #[expect(clippy::needless_range_loop, reason = "the columns before and after")]
     pub(super) fn replaced(&self, index: usize, p: &[f64], set: Classes) -> f64 {
         let (before, after) = (2 * index, 2 * index + 2);
@@ -223,7 +223,8 @@ impl<'a> Lattice<'a> {
         total
     }
 
-    /// Returns the probability of the word with the letter at `index` left out.
+    /// Returns the probability of the word with the letter at `index` left out, in the lattice's
+    /// unit.
     pub(super) fn without(&self, index: usize) -> f64 {
         let blank = 2 * index;
         let Some(next) = self.word.get(index + 1) else { return self.ends(blank) };
@@ -261,6 +262,8 @@ impl<'a> Lattice<'a> {
 }
 
 /// Returns the sums over the paths to each state, one row per column, in the order of `columns`.
+/// `states` contains the probability of each state at each column. A word of n letters has 2 n + 1
+/// states.
 fn path_sums(
     word: &[Classes],
     states: &[&[f64]],

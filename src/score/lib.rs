@@ -106,7 +106,8 @@ pub fn is_judged(strokes: &Strokes) -> bool {
         && characters.any(|character| classes_of(character).is_some())
 }
 
-/// Returns an error unless the reader knows each of the word's letters and each one leaves light.
+/// Returns [`Error::Input`] unless the reader knows each of the word's letters and each one leaves
+/// light.
 fn check(strokes: &Strokes) -> Result<()> {
     let hint = "write the word with Latin letters and digits, or judge the photo by eye";
     if strokes.glyphs.is_empty() {
@@ -140,7 +141,7 @@ fn check(strokes: &Strokes) -> Result<()> {
     within("length of the word divided by its height", length, 0.0, MAX_LENGTH_H)
 }
 
-/// Returns an error if a photo's size differs from that of the view's camera.
+/// Returns [`Error::Input`] if a photo's size differs from that of the view's camera.
 fn check_size(photo: &Photo, view: &View) -> Result<()> {
     let PhotoData { width_px, height_px, .. } = **photo;
     let [width, height] = view.size_px();

@@ -102,7 +102,7 @@ impl Light {
         light
     }
 
-    /// Decodes a part of the photo without subtracting the sky.
+    /// Decodes a part of the photo, downscaled by `step`, without subtracting the sky.
     fn with_sky(photo: &Photo, [left, top, right, bottom]: Frame, step: usize) -> Self {
         let origin = [left, top].map(|px| whole(px) / step);
         let [right, bottom] = [right, bottom].map(|px| whole(px.ceil()).div_ceil(step));
@@ -116,7 +116,7 @@ impl Light {
         Self { step, origin, width, height, values }
     }
 
-    /// Averages `measure` over the light in a rectangle of the photo.
+    /// Averages `measure` over the light in a rectangle of the photo, in photo pixels.
     pub(super) fn mean_of(&self, frame: Frame, measure: impl Fn(Rgb) -> Rgb) -> Rgb {
         let per_px = 1.0 / self.step as f64;
         let [left, top] = self.origin.map(|origin| origin as f64);
@@ -152,7 +152,9 @@ impl Light {
         (top..bottom).flat_map(|y| &self.values[y * self.width..][left..right]).copied().collect()
     }
 
-    /// Subtracts from each pixel the sky, which is interpolated between block centers.
+    /// Subtracts from each pixel the sky, which is interpolated between block centers. A block is
+    /// `block` pixels wide. Brightness is scaled so that white stays white, for a sky up to
+    /// `max_sky`.
     fn subtract_sky(&mut self, block: usize, max_sky: f32) {
         let Self { width: n_columns, height: n_rows, ref mut values, .. } = *self;
         let size = [n_columns.div_ceil(block), n_rows.div_ceil(block)];
@@ -197,7 +199,8 @@ fn frame_of(photo: &Photo) -> Frame {
     [0.0, 0.0, photo.width_px.into(), photo.height_px.into()]
 }
 
-/// Returns the means over blocks of `step` × `step` pixels. `STEP` is a constant `step`, or 0.
+/// Returns the mean light, 0 to 1, over blocks of `step` × `step` pixels, row by row. Left, top,
+/// width and height are in blocks. `STEP` is a constant `step`, or 0.
 #[inline(always)]
 fn means<const STEP: usize>(
     photo: &Photo,
@@ -230,7 +233,7 @@ fn means<const STEP: usize>(
     values
 }
 
-/// Adds the light of several pixels to `sum`.
+/// Adds the light of several pixels to `sum`, in units in which white is 65535.
 #[inline(always)]
 fn add(sum: &mut [u32; 3], pixels: &[u8], light_of_level: &[u32; 256]) {
     for pixel in pixels.as_chunks::<3>().0 {
@@ -312,7 +315,7 @@ struct Window {
 }
 
 impl Window {
-    /// Returns an empty set of numbers below `end`.
+    /// Returns an empty set of numbers below `end`, with one bit for each number.
     fn new(end: usize) -> Self {
         Self { words: vec![0; end.div_ceil(64)], word: 0, n_before: 0 }
     }
@@ -364,7 +367,8 @@ pub(super) fn median_abs(values: &[f32]) -> f32 {
 }
 
 /// Returns the fully lit level of a word whose ink should cover `ink_px` pixels, and the ratio of
-/// that level to the lowest visible level. Returns `None` if too few pixels are visible.
+/// that level to the lowest visible level. Levels are linear light relative to white, and `sky` is
+/// the level of the sky. Returns `None` if too few pixels are visible.
 pub(super) fn full_light(seen: &Raster, sky: f32, ink_px: f64) -> Option<(f32, f32)> {
     // In a normal distribution, the standard deviation is 1.4826 times the median absolute
     // deviation. The standard deviation of rounding to 8 bits is one step divided by √12.
@@ -381,7 +385,8 @@ pub(super) fn full_light(seen: &Raster, sky: f32, ink_px: f64) -> Option<(f32, f
     (least > lit).then_some((full, full / lit))
 }
 
-/// Returns the difference between neighboring 8-bit sRGB codes at a light level, in linear light.
+/// Returns the difference between neighboring 8-bit sRGB codes at a light level, in linear light
+/// from 0 to 1.
 fn code_step(level: f32) -> f32 {
     let linear = linear_from_level();
     let code = linear.partition_point(|value| *value < level).clamp(1, 255);

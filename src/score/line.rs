@@ -224,7 +224,8 @@ impl Line {
         (Strip::of_light(width, bright, pure), left * self.ink.step, pitch * self.ink.step)
     }
 
-    /// Returns the boxes of the letters with the given centers, in pixels of the photo.
+    /// Returns the boxes of the letters with the given centers: left, top, right and bottom, in
+    /// pixels of the photo.
     pub(super) fn boxes(&self, middles_px: &[f64]) -> Vec<[f64; 4]> {
         let [first, end] = self.columns;
         let middles = middles_px.iter().map(|px| whole((px / self.ink.step).max(0.0)));
@@ -246,7 +247,8 @@ impl Line {
         boxes.map(|sides| sides.map(|side| side * self.ink.step)).collect()
     }
 
-    /// Returns the box of the ink between two columns, at the centers of its outer strokes.
+    /// Returns the box (left, top, right, bottom) of the ink between two columns, at the centers of
+    /// its outer strokes, in pixels of the ink. Returns `None` if there is no ink.
     fn ink_box(&self, from: usize, to: usize) -> Option<[f64; 4]> {
         // Only the ink's color determines the box, because other lamps' trails may lead to it.
         let colored = self.box_of(&self.ink.light[1], from, to);
@@ -255,7 +257,8 @@ impl Line {
         whole.or_else(|| self.box_of(self.ink.raster(), from, to))
     }
 
-    /// Returns the box of one raster's ink between two columns of the line.
+    /// Returns the box (left, top, right, bottom) of one raster's ink between two columns of the
+    /// line, in pixels of the ink, or `None` if there is none.
     fn box_of(&self, ink: &Raster, from: usize, to: usize) -> Option<[f64; 4]> {
         let width = ink.width;
         let (mut left, mut right, mut top, mut bottom) = (usize::MAX, 0, usize::MAX, 0);
@@ -290,6 +293,7 @@ enum Band {
 }
 
 /// Returns the letters' first row and the row after their last, around the row with most crossings.
+/// Returns `None` for a mask without ink.
 fn band(mask: &[bool], width: usize, by: Band) -> Option<[usize; 2]> {
     // Counts the strokes that each row crosses.
     let crossings = mask.chunks_exact(width).map(|row| {
@@ -312,7 +316,8 @@ fn band(mask: &[bool], width: usize, by: Band) -> Option<[usize; 2]> {
     Some([top, bottom])
 }
 
-/// Returns the width of strokes, which is twice their area divided by the length of their edge.
+/// Returns the width of strokes in pixels, which is twice their area divided by the length of their
+/// edge.
 fn stroke_width(mask: &[bool], width: usize) -> f64 {
     let area = mask.iter().filter(|ink| **ink).count();
     let differing = |a: &[bool], b: &[bool]| -> u32 {

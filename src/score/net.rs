@@ -81,7 +81,8 @@ pub(super) fn logits(strip: &Strip) -> Vec<[f64; N_CLASSES]> {
     logits_of(strip, strip.read.clone())
 }
 
-/// Returns the logits that depend on a part of a strip, and the index of the first of them.
+/// Returns the logits that depend on a part of a strip, given in pixels, and the index of the first
+/// of them.
 pub(super) fn logits_around(strip: &Strip, part: Range<usize>) -> (usize, Vec<[f64; N_CLASSES]>) {
     // Every logit whose receptive field touches the part changes. Computing such a logit requires
     // all columns of its receptive field.
@@ -95,7 +96,8 @@ pub(super) fn logits_around(strip: &Strip, part: Range<usize>) -> (usize, Vec<[f
     (wanted.start, wanted_logits.to_vec())
 }
 
-/// Returns the logits of all classes for a range of strip columns.
+/// Returns the logits of all classes for a range of pixel columns of a strip, one row for each
+/// [`COLUMN_PX`] of them.
 fn logits_of(strip: &Strip, columns: Range<usize>) -> Vec<[f64; N_CLASSES]> {
     let values = strip.bytes(columns.clone()).into_iter().map(i16::from).collect();
     let mut map = Map { height: HEIGHT, width: columns.len(), channels: 2, values };
@@ -220,6 +222,8 @@ trait Registers: Copy {
 
 /// Plain arrays, which work on every processor.
 impl Registers for () {
+    /// Adds the products of two values and eight pairs of weights to eight sums, without vector
+    /// instructions.
     #[inline(always)]
     fn add(self, sums: i32x8, pair: [i16; 2], weights: i16x16) -> i32x8 {
         let (mut sums, weights): ([i32; LANES], [[i16; 2]; LANES]) = (cast(sums), cast(weights));
@@ -248,6 +252,7 @@ struct Simd128;
 
 #[cfg(all(target_family = "wasm", target_feature = "simd128"))]
 impl Registers for Simd128 {
+    /// Adds the products of two values and eight pairs of weights to eight sums, four at a time.
     #[inline(always)]
     fn add(self, sums: i32x8, pair: [i16; 2], weights: i16x16) -> i32x8 {
         use core::arch::wasm32::{
@@ -270,6 +275,7 @@ struct With<'a, R>(R, Sums<'a>);
 impl<R: Registers> NullaryFnOnce for With<'_, R> {
     type Output = ();
 
+    /// Computes all sums with the registers of this machine.
     #[inline(always)]
     fn call(self) {
         let Self(registers, mut sums) = self;

@@ -49,7 +49,7 @@ pub(super) struct Placed {
 }
 
 impl Placed {
-    /// Returns the intended placement.
+    /// Returns the placement at which the word is intended: without shift, scale or rotation.
     pub(super) fn home(strokes: &Strokes) -> Self {
         let [left, bottom, right, top] = strokes.bounds_m();
         let center_m = Point::new(0.5 * (left + right), 0.5 * (bottom + top));
@@ -62,7 +62,7 @@ impl Placed {
         [self.scale * cos, self.scale * sin]
     }
 
-    /// Moves a point of the intended word to where it appears.
+    /// Moves a point of the intended word, in m, to where it appears.
     pub(super) fn apply(&self, point_m: Point) -> Point {
         let [a, b] = self.column();
         let Vec2 { x, y } = point_m - self.center_m;
@@ -122,6 +122,7 @@ impl Grid {
     }
 
     /// Averages `measure` over the light in each pixel of the grid, which is placed like the word.
+    /// Pixels behind the camera are dark.
     pub(super) fn resample(
         &self,
         light: &Light,

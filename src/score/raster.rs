@@ -23,7 +23,7 @@ impl Raster {
         Self { width, height, values: vec![0.0; width * height] }
     }
 
-    /// Returns the light relative to the fully lit level, clamped to 0 to 1.
+    /// Returns the light relative to the fully lit level `full_light`, clamped to 0 to 1.
     pub(super) fn exposed(&self, full_light: f32) -> Self {
         let values = self.values.iter().map(|value| (value / full_light).clamp(0.0, 1.0));
         Self { values: values.collect(), ..*self }
@@ -105,7 +105,7 @@ impl Raster {
 pub(super) struct Page(Mask);
 
 impl Page {
-    /// Returns an empty page.
+    /// Returns an empty page whose sides are in pixels.
     pub(super) fn blank(width: usize, height: usize) -> Self {
         let [width, height] = [width, height]
             .map(|side| u32::try_from(side).expect("pages are some hundred pixels wide"));
@@ -127,7 +127,7 @@ impl Page {
         }
     }
 
-    /// Returns the coverage as a raster.
+    /// Returns the coverage of each pixel, 0 to 1, as a raster.
     pub(super) fn into_raster(self) -> Raster {
         Raster {
             width: self.0.width() as usize,
@@ -158,7 +158,7 @@ fn add_scaled(to: &mut [f32], from: &[f32], weight: f32) {
 }
 
 /// Returns the pixels, out of `n_pixels`, that each square of a row or column overlaps, and by how
-/// much.
+/// much. Square 0 begins at `first`, and each has the length `side`, both in pixels.
 fn overlaps_of_squares(
     first: f64,
     side: f64,
@@ -169,7 +169,8 @@ fn overlaps_of_squares(
     starts.map(|from| overlaps(from, from + side, n_pixels).collect()).collect()
 }
 
-/// Returns the pixels, out of `n`, that an interval overlaps, with the length of each overlap.
+/// Returns the pixels, out of `n`, that an interval in pixels overlaps, with the length of each
+/// overlap.
 pub(super) fn overlaps(from: f64, to: f64, n: usize) -> impl Iterator<Item = (usize, f32)> + Clone {
     let first = whole(from.clamp(0.0, n as f64));
     let end = whole(to.ceil().clamp(first as f64, n as f64));

@@ -210,7 +210,8 @@ impl Reader {
             })
     }
 
-    /// Locates the word's light in a photo of the view's size, or the reason for its absence.
+    /// Locates the word's light in a photo of the view's size. The error is the reason for its
+    /// absence.
     fn find_light(&self, photo: &Photo, view: &View) -> std::result::Result<Seen, Reason> {
         // Crops the photo to the part that may show the word, and measures its exposure.
         let grid = &self.finder.grid;
@@ -246,7 +247,8 @@ impl Reader {
         Ok(Seen { light, placed, full_light, contrast, strips, columns, around })
     }
 
-    /// Turns a judgment into a verdict, with the reason if the word is not legible.
+    /// Turns a judgment into a verdict, with the reason if the word is not legible. `cap_height_px`
+    /// is the height of a capital in the photo, if the camera sees the word.
     fn verdict(
         &self,
         judgment: Judgment,
@@ -360,7 +362,8 @@ pub(super) fn lit_bounds_m(glyphs: &[Glyph]) -> [f64; 4] {
     bounds(lit.flat_map(|step| [step.from_m, step.to_m]))
 }
 
-/// Returns the light on a letter's page that has the color of the strokes.
+/// Returns the light on a letter's page that has the color of the strokes, 0 to 1. `ink_px` is the
+/// area of the letter's strokes in pixels of the page.
 pub(super) fn pure_ink(page: &LetterPage, ink_px: f64, seen: &Seen, view: &View) -> Raster {
     let grid = &page.grid;
     // The color is measured in the photo's pixels, because a page pixel may mix the light of a
@@ -392,7 +395,8 @@ fn brightness(grid: &Grid, light: &[Rgb]) -> Raster {
     Raster { width: grid.width, height: grid.height, values: map(light, luminance) }
 }
 
-/// Draws the intended letters, blurred, on a grid with `cap_px` pixels per cap height.
+/// Draws the intended letters, blurred, on a grid with `cap_px` pixels per cap height. Light is
+/// from 0 to 1.
 pub(super) fn draw(grid: &Grid, home: &Placed, glyphs: &[Glyph], cap_px: f32) -> Raster {
     let mut page = Page::blank(grid.width, grid.height);
     for glyph in glyphs {

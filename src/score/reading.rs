@@ -117,7 +117,8 @@ fn worth(lines: &[ReadLine]) -> f64 {
     letters.map(|letter| letter.letter_p() - NEUTRAL).sum()
 }
 
-/// Reads the text of a photo.
+/// Reads the text of a photo, without knowing its word. Small writing beside larger writing is
+/// reported apart from the text.
 pub fn read(photo: &Photo) -> Reading {
     let inks = inks(photo);
     let mut lines: Vec<ReadLine> = Vec::new();
@@ -175,7 +176,8 @@ fn text(lines: &[ReadLine]) -> String {
     lines.iter().map(|line| &line.text[..]).collect::<Vec<_>>().join("\n")
 }
 
-/// Reads the lines, and returns the clearest reading for which `is_wanted` is true.
+/// Reads the lines, and returns the clearest reading for which `is_wanted` is true. `budget` is the
+/// number of columns that may still be read.
 fn clearest(
     lines: impl Iterator<Item = Line>,
     budget: &mut usize,
@@ -188,7 +190,7 @@ fn clearest(
     read.filter(is_wanted).reduce(|a, b| if b.ln_p > a.ln_p { b } else { a })
 }
 
-/// Returns the cap heights at which a line is read, and subtracts their columns from
+/// Returns the cap heights in pixels at which a line is read, and subtracts their columns from
 /// `columns_left`. A size that needs more columns than are left is skipped.
 fn sizes_px(line: &Line, columns_left: &mut usize) -> Vec<f64> {
     let mut sizes_px = Vec::new();
@@ -202,6 +204,7 @@ fn sizes_px(line: &Line, columns_left: &mut usize) -> Vec<f64> {
 }
 
 /// Reads a line at its clearest size, averaged with the readings of the strip's neighbors.
+/// `sizes_px` contains the cap heights to try. Returns `None` if no letter is read.
 fn read_line(line: &Line, sizes_px: Vec<f64>) -> Option<ReadLine> {
     let tries = sizes_px.into_par_iter().filter_map(|cap_px| {
         let (strip, left_px, pitch_px) = line.strip(cap_px);
@@ -235,7 +238,7 @@ fn read_line(line: &Line, sizes_px: Vec<f64>) -> Option<ReadLine> {
     Some(ReadLine { text, letters, ln_p, columns })
 }
 
-/// Returns the text of a line's letters, with a space for each wide gap.
+/// Returns the text of a line's letters, with a space for each gap wider than `space_px`.
 fn spaced(letters: &[ReadLetter], space_px: f64) -> String {
     let mut text = String::new();
     let mut right_px = f64::INFINITY;

@@ -143,7 +143,7 @@ pub(super) fn search(columns: &Columns, first: &Symbols, rest: &Symbols) -> Vec<
     words.zip(beam.iter().map(|(_, p)| libm::log(p.sum()) + ln_scale)).collect()
 }
 
-/// Sums the steps that lead to each prefix, and stores the sums in the beam.
+/// Sums the probabilities of the steps that lead to each prefix, and stores the sums in the beam.
 fn merge(steps: &mut [(usize, PrefixP)], beam: &mut Vec<(usize, PrefixP)>) {
     steps.sort_by_key(|(prefix, _)| *prefix);
     beam.clear();

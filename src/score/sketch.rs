@@ -30,7 +30,8 @@ pub(super) struct Sketch {
 }
 
 impl Reader {
-    /// Moves a letter's strokes onto its light, and adds the strokes and dark moves around it.
+    /// Moves the strokes of the letter `index` onto its light, and adds the strokes and dark moves
+    /// around it.
     pub(super) fn sketch(&self, index: usize, seen: &Seen, view: &View) -> Sketch {
         let (page, glyphs) = (&self.pages[index], &self.strokes.glyphs);
         // First shifts the whole letter onto its light, and then moves it stroke by stroke.

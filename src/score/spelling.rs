@@ -62,7 +62,8 @@ static TABLE: LazyLock<(&[u8], [Runs; 2])> = LazyLock::new(|| {
 });
 
 impl Runs {
-    /// Returns the cost of a sequence, or `None` if the table lacks it.
+    /// Returns the cost of a sequence of symbols in units of [`LN_UNIT`], or `None` if the table
+    /// lacks it.
     fn cost(&self, number: usize) -> Option<u8> {
         let index = self.numbers.binary_search_by_key(&number, |[a, b, c]| {
             u32::from_le_bytes([*a, *b, *c, 0]) as usize
@@ -93,7 +94,7 @@ fn symbol(letter: char) -> Option<usize> {
     class_of(latin(letter)?.to_ascii_uppercase()).filter(|class| *class < N_SYMBOLS)
 }
 
-/// Returns the mean log-probability of the letters and word ends of a text.
+/// Returns the mean natural logarithm of the probability of the letters and word ends of a text.
 pub(super) fn mean_ln_p(text: &str) -> f64 {
     let words = text.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty());
     let (sum, n) = words.fold((0.0, 0.0), |(sum, n), word| {
@@ -127,7 +128,8 @@ impl Spelled {
         self.light + WEIGHT * self.spelling
     }
 
-    /// Returns the word with one more symbol, which is 0 for the end of the word.
+    /// Returns the word with one more symbol, which is 0 for the end of the word. `ln_light` is the
+    /// logarithm of the symbol's probability in the light.
     fn and(&self, symbol: usize, ln_light: f64) -> Self {
         let n = self.symbols.len();
         let before = std::array::from_fn(|place| {
@@ -172,7 +174,7 @@ pub(super) fn likeliest(choices: &[Choice], expected: &[char]) -> Vec<char> {
 }
 
 /// Finds the likeliest spelling of the choices by beam search (Lowerre 1976). Spellings contain
-/// only letters.
+/// only letters. Returns `None` if some choice has no likely letter.
 fn spell(choices: &[Choice], expected: &[char]) -> Option<Spelled> {
     let mut words = vec![Spelled::default()];
     for (choice, expected) in choices.iter().zip(expected) {

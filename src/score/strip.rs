@@ -64,7 +64,8 @@ pub(super) struct Strip {
 }
 
 impl Strip {
-    /// Cuts out the strip from a photo's light, at a grid of [`HEIGHT`] rows.
+    /// Cuts out the strip from a photo's light, at a grid of [`HEIGHT`] rows. Light is relative to
+    /// the fully lit level `full_light`.
     pub(super) fn cut(
         grid: &Grid,
         light: &Light,
@@ -183,7 +184,8 @@ impl Strip {
     }
 }
 
-/// Stretches light vertically about the middle of the capitals and moves it down, adding darkness.
+/// Stretches light vertically by the factor `height` about the middle of the capitals, and moves it
+/// down by `down_px`. Rows from outside the strip are dark.
 fn stretched(light: &[f32], width: usize, height: f64, down_px: f64) -> Vec<f32> {
     let middle = HEAD_ROW as f64 + 0.5 * CAP_PX as f64 - 0.5;
     let mut moved = vec![0.0; light.len()];
@@ -200,7 +202,8 @@ fn stretched(light: &[f32], width: usize, height: f64, down_px: f64) -> Vec<f32>
     moved
 }
 
-/// Subtracts soft light, such as from a lit wall or a glow. The first channel must be luminance.
+/// Subtracts soft light, such as from a lit wall or a glow. Both channels are row by row in rows of
+/// `width`. The first channel must be luminance.
 fn subtract_soft_light(width: usize, channels: [&mut Vec<f32>; 2]) {
     // An opening (Serra 1982) computes the minimum over squares and then the maximum of these
     // minima. Opening keeps light that is wider than the square, but not strokes.
@@ -216,8 +219,8 @@ fn subtract_soft_light(width: usize, channels: [&mut Vec<f32>; 2]) {
     }
 }
 
-/// Returns the width of strokes. The width is a low quantile, over all lit pixels, of the shorter
-/// of the two lit runs through the pixel, along its row and along its column.
+/// Returns the width of strokes in pixels. The width is a low quantile, over all lit pixels, of the
+/// shorter of the two lit runs through the pixel, along its row and along its column.
 fn stroke_px(light: &[f32], width: usize) -> f64 {
     let height = light.len() / width;
     // Visits the pixels of each row, and then those of each column.
@@ -244,6 +247,7 @@ fn stroke_px(light: &[f32], width: usize) -> f64 {
 }
 
 /// Combines the values in each pixel's square with `pick`, which selects the minimum or maximum.
+/// The square extends `reach` pixels to each side.
 #[inline(always)]
 fn over_squares(
     light: &[f32],

@@ -65,7 +65,7 @@ impl LightLines {
         lit.filter(|lit| points.iter().any(|point| distance(*point, *lit) < NEAR_PX)).count()
     }
 
-    /// Returns the center of a pixel.
+    /// Returns the center of the pixel `index`, in pixels from the upper left corner.
     pub(super) fn middle(&self, index: usize) -> Point {
         Point::new((index % self.width) as f64 + 0.5, (index / self.width) as f64 + 0.5)
     }
@@ -87,12 +87,12 @@ impl LightLines {
     }
 }
 
-/// Returns the distance between two points.
+/// Returns the distance between two points in their unit.
 pub(super) fn distance(a: Point, b: Point) -> f64 {
     geometry::distance(xy(a), xy(b))
 }
 
-/// Returns the up to eight neighbors of a pixel.
+/// Returns the indices of the up to eight neighbors of a pixel.
 pub(super) fn around(index: usize, width: usize, n_pixels: usize) -> impl Iterator<Item = usize> {
     let (x, y) = (index % width, index / width);
     let rows = y.saturating_sub(1)..(y + 2).min(n_pixels / width);
@@ -124,6 +124,7 @@ fn thinned(mut ink: Vec<bool>, width: usize) -> Vec<bool> {
 }
 
 /// True if a pixel is on an edge that the pass removes, and the lines stay connected without it.
+/// Pass 0 removes at the lower right, and pass 1 at the upper left.
 fn is_removable(ink: &[bool], width: usize, pixel: usize, pass: usize) -> bool {
     // The ring consists of the eight neighbors, clockwise from the one above the pixel.
     let (up, down) = (pixel - width, pixel + width);

@@ -74,7 +74,8 @@ fn is_right(upright: &Reading, word: &str) -> bool {
     upright.text.eq_ignore_ascii_case(word) || upright.is_clear() && word.is_empty()
 }
 
-/// True if a turned photo is read clearly, and more clearly than the original by `lead`.
+/// True if a turned photo is read clearly, and more clearly than the original by `lead` in the mean
+/// probability of its letters. If it reads as `word`, no lead is necessary.
 fn is_clearer(reading: &Reading, upright: &Reading, word: &str, lead: f64) -> bool {
     let is_word = reading.text.eq_ignore_ascii_case(word);
     let lead = if is_word { 0.0 } else { lead };

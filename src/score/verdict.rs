@@ -144,7 +144,8 @@ impl Verdict {
         self.second_opinion.as_deref().is_some_and(|read| !spells(read, &self.word))
     }
 
-    /// Returns the verdict on a photo that does not show the word's light.
+    /// Returns the verdict on a photo that does not show the word's light. `cap_height_px` is the
+    /// height of a capital in the photo, if the camera sees the word.
     pub(super) fn unseen(
         strokes: &Strokes,
         reason: Option<Reason>,
@@ -186,7 +187,7 @@ impl Placement {
 }
 
 impl LetterVerdict {
-    /// Returns the verdict on punctuation.
+    /// Returns the verdict on punctuation, which is never judged and counts as read.
     pub(super) fn not_judged(expected: char) -> Self {
         Self { expected, best: Some(expected), ..Self::default() }
     }

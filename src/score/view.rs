@@ -53,7 +53,7 @@ impl View {
     }
 
     /// Renders a part of the plane (`[left, bottom, right, top]`) as seen square on, using the
-    /// nearest pixels.
+    /// nearest pixels. Its sides have `px_per_m` pixels per m, up to a limit.
     pub fn square_on(&self, photo: &Photo, bounds_m: [f64; 4], px_per_m: f64) -> Photo {
         let [left, bottom, right, top] = bounds_m;
         #[expect(clippy::cast_possible_truncation, reason = "at most some thousand")]
@@ -122,7 +122,7 @@ const CORNERS_MARGIN: f64 = 0.5;
 /// Maximum side of a picture seen square on, in pixels.
 const MAX_SQUARE_ON_PX: f64 = 4096.0;
 
-/// Returns the color of a photo at a point, or black outside the photo.
+/// Returns the color of a photo at a point in pixels, or black outside the photo.
 fn pixel(photo: &Photo, [x, y]: [f64; 2]) -> [u8; 3] {
     let inside =
         x >= 0.0 && y >= 0.0 && x < f64::from(photo.width_px) && y < f64::from(photo.height_px);

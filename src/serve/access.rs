@@ -87,7 +87,8 @@ impl Access {
         Ok(Request { peer, base, route: route.to_owned(), query, if_none_match, body })
     }
 
-    /// Returns the kind of address and the route of a path, or `None` without a valid secret.
+    /// Returns the kind of address and the route of a path `/KIND/SECRET/ROUTE`, or `None` without
+    /// a valid secret. The operator's address is valid only on this machine (`peer`).
     fn base<'a>(&self, path: &'a str, peer: IpAddr) -> Option<(Base, &'a str)> {
         let mut parts = path.strip_prefix('/')?.splitn(3, '/');
         let (kind, secret, route) = (parts.next()?, parts.next()?, parts.next()?);
@@ -122,7 +123,7 @@ pub(crate) fn wants_page(head: &Parts) -> bool {
     head.method == Method::GET && (accept.contains("text/html") || accept == "*/*")
 }
 
-/// Returns the first language in a browser's list that is one of `languages`.
+/// Returns the first language in a browser's list that is one of `languages`, by two letters.
 pub(crate) fn language<'a>(head: &Parts, languages: &[&'a str]) -> Option<&'a str> {
     let wanted = field(head, "accept-language").split(',');
     let wanted = wanted.filter_map(|tag| tag.trim().get(..2));
@@ -134,7 +135,8 @@ fn field<'a>(head: &'a Parts, name: &str) -> &'a str {
     head.headers.get(name).and_then(|value| value.to_str().ok()).unwrap_or_default()
 }
 
-/// Checks that a POST comes from a page of this server, and that its body is not too long.
+/// Checks that a POST comes from a page of this server, that it is JSON, and that its body is not
+/// too long. Returns the status and the reason for a refusal.
 fn check_post(head: &Parts) -> HttpResult<()> {
     let origin = format!("http://{}", field(head, "host"));
     for (name, expected) in [("origin", &*origin), ("sec-fetch-site", "same-origin")] {

@@ -10,6 +10,8 @@ use serde::{Deserialize, Serialize};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Limit;
 
+/// Number of random bytes of a secret.
+const SECRET_BYTES: usize = 16;
 const FILE: &str = "address.json";
 const LIMIT: Limit =
     Limit { bytes: 4 << 10, what: "an address", hint: "remove it to create a new one" };
@@ -27,16 +29,17 @@ pub(crate) struct Address {
 
 /// Returns a name that cannot be guessed, 128 random bits from the system in hexadecimal.
 pub(crate) fn secret() -> Result<String> {
-    let mut bytes = [0; 16];
+    let mut bytes = [0; SECRET_BYTES];
     getrandom::fill(&mut bytes).map_err(|error| {
         Error::infeasible(format!("the system provides no random numbers: {error}"), "try again")
     })?;
     Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
-/// True if a name has the form of [`secret`].
+/// True if a name has the form of [`secret`], which is 32 hexadecimal digits in lower case.
 pub(crate) fn is_secret(name: &str) -> bool {
-    name.len() == 32 && name.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'))
+    name.len() == 2 * SECRET_BYTES
+        && name.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'))
 }
 
 impl Address {
@@ -68,10 +71,11 @@ impl Address {
         Ok((address, listener))
     }
 
-    /// Reads the address of a gallery, and checks its secrets.
+    /// Returns the address of a gallery. Returns [`Error::Input`] for a secret that anybody could
+    /// guess.
     fn read(path: &Path) -> Result<Self> {
         let text = LIMIT.read_text(path)?;
-        // Anybody could guess a weak secret and open the gallery.
+
         let wrong = match serde_json::from_str::<Self>(&text) {
             Err(error) => error.to_string(),
             Ok(address) => match address.weak_secret() {
@@ -142,7 +146,8 @@ fn listen(ip: Ipv4Addr, port: u16, stored: u16) -> std::io::Result<(TcpListener,
 /// looks up the route, here to an address that is reserved for examples (RFC 5737).
 pub(crate) fn own_ip() -> Option<IpAddr> {
     let socket = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).ok()?;
-    socket.connect((Ipv4Addr::new(192, 0, 2, 1), 9)).ok()?;
+    const EXAMPLE: (Ipv4Addr, u16) = (Ipv4Addr::new(192, 0, 2, 1), 9);
+    socket.connect(EXAMPLE).ok()?;
     Some(socket.local_addr().ok()?.ip())
 }
 

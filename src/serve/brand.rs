@@ -32,12 +32,13 @@ pub(crate) struct Brand {
 }
 
 impl Brand {
-    /// Reads the texts and the logo from a folder, and checks them.
+    /// Returns the host's texts and logo from a folder. Returns [`Error::Input`] for a text that is
+    /// too long for the page, or a logo that is not SVG.
     pub(crate) fn read(folder: &Path) -> Result<Self> {
         let path = folder.join("brand.toml");
         let mut words: Words = toml::from_str(&TABLE.read_text(&path)?)
             .map_err(|e| refused(&path, "table", e.message(), "title, [sentence], [consent]"))?;
-        // The length of the texts is limited so that they fit into the page.
+
         let titles = words.title.iter().map(|title| ("title", title, MAX_TITLE));
         let sentences = words.sentence.values().chain(words.consent.values());
         let sentences = sentences.map(|sentence| ("sentence", sentence, MAX_SENTENCE));

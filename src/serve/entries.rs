@@ -156,7 +156,8 @@ pub(crate) struct Entries {
 struct Senders(HashMap<IpAddr, (f64, Instant)>);
 
 impl Senders {
-    /// True if an address may send one more entry. If so, the entry is counted.
+    /// True if an address may send one more entry, by a token bucket of [`BURST`] entries. If so,
+    /// the entry is counted.
     fn admit(&mut self, address: IpAddr, now: Instant) -> bool {
         // Full buckets are removed, because they equal new ones.
         self.0.retain(|_, bucket| refilled(*bucket, now) < BURST);
@@ -183,7 +184,9 @@ pub(crate) struct Receipt {
 }
 
 impl Entries {
-    /// Opens a gallery, and reads its entries in the order of flight, new ones last.
+    /// Opens a gallery, and reads its entries in the order of flight, new ones last. With
+    /// `is_open`, the wall shows entries before they are approved. `warn` prints unreadable
+    /// entries.
     pub(crate) fn open(folder: &std::path::Path, is_open: bool, warn: fn(&str)) -> Result<Self> {
         let gallery = Gallery::open(folder)?;
         let Order { paused, numbers } = gallery.read_order();
@@ -199,7 +202,7 @@ impl Entries {
     }
 
     /// Checks, before a photo is made, that an address may send it. Returns the receipt if the
-    /// photo already has an entry.
+    /// photo, named by its id, already has an entry.
     pub(crate) fn admit(&self, photo: &str, sender: IpAddr) -> KeyResult<Option<Receipt>> {
         let mut list = self.list();
         if let Some(receipt) = list.receipt(photo) {
@@ -274,7 +277,8 @@ impl Entries {
         Ok(serde_json::to_string(&acted).expect("an entry is plain data"))
     }
 
-    /// Removes a visitor's own entry if it is still waiting for approval.
+    /// Removes a visitor's own entry if it is still waiting for approval. `visitor` is the secret
+    /// name that only its browser knows.
     pub(crate) fn withdraw(&self, id: &str, visitor: &str) -> KeyResult<()> {
         let mut list = self.list();
         let index = list.index(id)?;
@@ -304,7 +308,7 @@ impl Entries {
         Ok(self.announce_change())
     }
 
-    /// Stops accepting entries, or accepts them again. Returns the new revision.
+    /// Stops accepting entries if `paused`, or accepts them again. Returns the new revision.
     pub(crate) fn pause(&self, paused: bool) -> KeyResult<u64> {
         let mut list = self.list();
         self.write_order(paused, &list.entries)?;
@@ -312,7 +316,8 @@ impl Entries {
         Ok(self.announce_change())
     }
 
-    /// Writes the order of flight to the gallery, before callers change the order in memory.
+    /// Writes the order of flight and the pause to the gallery, before callers change them in
+    /// memory.
     fn write_order<'a>(
         &self,
         paused: bool,
@@ -338,7 +343,7 @@ impl Entries {
         self.list().paused
     }
 
-    /// Returns the JSON of [`Queue`].
+    /// Returns the JSON of [`Queue`], which the operator's page shows.
     pub(crate) fn queue(&self) -> String {
         let list = self.list();
         let queue = Queue {
@@ -351,7 +356,7 @@ impl Entries {
         serde_json::to_string(&queue).expect("entries are plain data")
     }
 
-    /// Returns an entry as its visitor receives it.
+    /// Returns an entry as its visitor receives it, with its place in the queue.
     pub(crate) fn for_visitor(&self, id: &str) -> KeyResult<ForVisitor> {
         let list = self.list();
         let index = list.index(id)?;
@@ -360,7 +365,8 @@ impl Entries {
             list.entries[index].entry.clone();
         let Figures { flight_s, read, legible, readability, .. } = figures;
         // The first ten characters of an RFC 3339 time are its date.
-        let made = made.get(..10).unwrap_or_default().to_owned();
+        const DATE: std::ops::RangeTo<usize> = ..10;
+        let made = made.get(DATE).unwrap_or_default().to_owned();
         Ok(ForVisitor {
             id,
             number,
@@ -417,7 +423,7 @@ impl Entries {
         entry.key == key && self.is_shown(entry)
     }
 
-    /// True if an entry is on the wall.
+    /// True if an entry is on the wall: approved, or waiting on an open wall, and not hidden.
     fn is_shown(&self, entry: &Entry) -> bool {
         let is_approved = match entry.state {
             State::Approved | State::Flying | State::Flown => true,
@@ -457,7 +463,8 @@ impl Entries {
 }
 
 impl List {
-    /// Returns the number of entries that fly before an entry, and the time that they take in s.
+    /// Returns the number of entries that fly before the one with this index, and the time in s
+    /// until they have flown.
     fn ahead(&self, index: usize) -> (usize, f64) {
         // The list is sorted by the order of flight.
         let entries = self.entries[..index].iter().map(|stored| &stored.entry);
@@ -497,7 +504,8 @@ impl Stored {
         ids.iter().position(|id| *id == self.entry.id).unwrap_or(usize::MAX)
     }
 
-    /// Changes the entry first on the disk and then in memory.
+    /// Changes the entry first on the disk and then in memory. Returns [`Key::DiskFull`] if it
+    /// cannot be written.
     fn change(&mut self, change: impl FnOnce(&mut Entry)) -> KeyResult<()> {
         let mut entry = self.entry.clone();
         change(&mut entry);

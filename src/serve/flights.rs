@@ -82,7 +82,8 @@ pub(crate) struct Flights {
 }
 
 impl Flights {
-    /// Searches a folder for the first time, which is created if it does not exist.
+    /// Searches a folder for the first time, which is created if it does not exist. Logs that
+    /// already exist count as flown.
     pub(crate) fn new(folder: &Path) -> Result<Self> {
         std::fs::create_dir_all(folder).map_err(|e| Error::write(folder, e))?;
         let folder = std::path::absolute(folder).map_err(|e| Error::read(folder, e))?;
@@ -152,7 +153,8 @@ impl Flights {
         }
     }
 
-    /// Shows the light of the flight so far, or stores its photo when it is over.
+    /// Makes the photo of the flight so far if its log has grown. Shows its light or, when the
+    /// flight is over, stores the photo. A log that is refused is no longer followed.
     async fn expose(&mut self, server: &Server) {
         let Some(current) = &mut self.current else { return };
         let Some(log) = self.logs.get_mut(&current.path) else { return };
@@ -197,7 +199,8 @@ impl Flights {
         self.current = None;
     }
 
-    /// Returns the operator's notes about the logs.
+    /// Returns the operator's notes about the logs that are not followed, and about the folder if
+    /// it has disappeared (`is_gone`).
     fn notes(&self, entries: &Entries, is_gone: bool) -> Vec<FlightNote> {
         let note = |key, path: &Path, why: &str| {
             let name = path.strip_prefix(&self.folder).unwrap_or(path).display().to_string();
@@ -222,7 +225,8 @@ impl Flights {
     }
 }
 
-/// Returns the sizes of the logs in a folder and its direct subfolders. Links are not followed.
+/// Returns the sizes in bytes of the logs in a folder and its direct subfolders. Links are not
+/// followed.
 fn sizes_in(folder: &Path) -> Result<BTreeMap<PathBuf, u64>> {
     let mut paths = entries_in(folder)?;
     let folders = paths.iter().filter(|path| path.symlink_metadata().is_ok_and(|m| m.is_dir()));

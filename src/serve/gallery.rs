@@ -81,7 +81,7 @@ pub(crate) struct Figures {
 }
 
 impl Figures {
-    /// Selects the facts to be stored from those of a large photo.
+    /// Returns the facts to be stored with an entry from those of its large photo.
     pub(crate) fn new(LargeFacts { photo, verdict, stops, drones, .. }: LargeFacts) -> Self {
         let PhotoFacts { flight_s, obstacles, .. } = photo;
         let figures = Self { drones, flight_s, obstacles, stops, ..Self::default() };
@@ -184,7 +184,8 @@ impl Gallery {
         Ok(entries)
     }
 
-    /// Reads the order of flight. Without a readable file, it is empty and not paused.
+    /// Returns the order of flight and the pause. Without a readable file, the order is empty and
+    /// not paused.
     pub(crate) fn read_order(&self) -> Order {
         let text =
             regular_file(self.folder.join(ORDER)).and_then(|path| TABLE.read_text(&path).ok());
@@ -244,7 +245,7 @@ impl Gallery {
 }
 
 impl Entry {
-    /// Creates the entry for a photo. The entry is waiting for approval.
+    /// Creates the entry for a photo, with new secret names, waiting for approval.
     pub(crate) fn new(photo: &Photo, language: &str, number: u32) -> Result<Self> {
         Ok(Self {
             id: secret()?,
@@ -276,7 +277,8 @@ impl Entry {
     }
 }
 
-/// Reads the entry in a folder. Returns `None` for other files and folders.
+/// Returns the entry in a folder, or `None` for other files and folders. Returns [`Error::Input`]
+/// for an entry that this program did not write.
 fn read_entry(folder: &Path) -> Result<Option<Entry>> {
     let name = folder.file_name().unwrap_or_default().to_string_lossy();
     // The name of an unfinished entry, which a killed server left behind, begins with a dot.
@@ -347,7 +349,7 @@ fn sync(folder: &Path) -> std::io::Result<()> {
 }
 
 /// Locks a gallery as long as the returned file is open. Returns `None` if the system does not
-/// support such locks.
+/// support such locks, and [`Error::Input`] if another server uses the gallery.
 #[expect(clippy::disallowed_methods, reason = "a folder")]
 fn lock(folder: &Path) -> Result<Option<File>> {
     let Ok(file) = File::open(folder) else { return Ok(None) };

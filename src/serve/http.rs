@@ -67,7 +67,8 @@ struct Connection {
 /// A request with the IP address of its sender and [`Connection::is_working`].
 pub(crate) type Arrival = (IpAddr, hyper::Request<Incoming>, Arc<AtomicBool>);
 
-/// Accepts connections forever, and answers their requests.
+/// Accepts connections forever, and answers their requests with `answer`. If there are too many,
+/// the oldest idle one is closed.
 pub(crate) async fn accept<F, R>(listener: TcpListener, answer: F) -> Infallible
 where
     F: Fn(Arrival) -> R + Clone + Send + 'static,
@@ -118,7 +119,8 @@ fn oldest_idle(connections: &[Connection]) -> Option<usize> {
     most.map(|(index, _)| index)
 }
 
-/// Reads a body of at most [`MAX_BODY`] bytes.
+/// Returns a request's body of at most [`MAX_BODY`] bytes, or the status and the reason for a
+/// refusal.
 pub(crate) async fn read_body(body: Incoming) -> HttpResult<Bytes> {
     let read = timeout(REQUEST_TIMEOUT, Limited::new(body, MAX_BODY).collect()).await;
     let read = read.map_err(|_late| HttpError(408, "the request did not arrive in time"))?;
@@ -130,7 +132,8 @@ pub(crate) async fn discard_body(body: Incoming) {
     let _ = timeout(REFUSED_TIMEOUT, Limited::new(body, MAX_REFUSED_BODY).collect()).await;
 }
 
-/// Adds the fields that all answers contain.
+/// Returns an answer with the fields that all answers contain, which tell browsers not to guess its
+/// type, not to show it elsewhere, and not to send its address to others.
 pub(crate) fn with_common_fields(reply: Reply) -> Reply {
     let reply = match reply.status().as_u16() {
         429 | 503 => with_field(reply, "Retry-After", "2"),
@@ -155,6 +158,7 @@ impl Body for ReplyBody {
     type Data = Bytes;
     type Error = std::io::Error;
 
+    /// Returns the next chunk of the bytes or of the file, read from the disk when it is asked for.
     fn poll_frame(
         mut self: Pin<&mut Self>,
         _: &mut Context<'_>,
@@ -191,6 +195,7 @@ pub(crate) fn json(value: &impl Serialize) -> Reply {
 }
 
 /// Returns an answer with a file that does not change, so that browsers may cache it for a day.
+/// Returns an error if it cannot be opened.
 #[expect(clippy::disallowed_methods, reason = "a file of the gallery, and no link")]
 pub(crate) fn file(content_type: &'static str, path: &Path) -> std::io::Result<Reply> {
     let file = File::open(path)?;
@@ -220,14 +225,15 @@ pub(crate) fn with_status(mut reply: Reply, status: u16) -> Reply {
     reply
 }
 
-/// Sets a field of an answer.
+/// Returns an answer with a header field set.
 pub(crate) fn with_field(mut reply: Reply, name: &'static str, value: &str) -> Reply {
     let value = HeaderValue::from_str(value).expect("a line of ASCII");
     reply.headers_mut().insert(name, value);
     reply
 }
 
-/// Returns the answer to a refused request, with the status of the message's key.
+/// Returns the answer to a refused request: the message as JSON, with the status of its key, or 422
+/// for a key without one.
 pub(crate) fn refused(message: impl Into<Message>) -> Reply {
     let message = message.into();
     let status = Key::ALL.iter().find(|key| key.name() == message.key).map(|key| key.status());

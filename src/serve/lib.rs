@@ -152,6 +152,7 @@ pub fn serve(
 }
 
 /// Answers all connections on one thread, follows flights on another, and uses more for the disk.
+/// Returns only if no thread can be started.
 fn run(listener: TcpListener, server: Server, flights: Option<Flights>) -> Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()

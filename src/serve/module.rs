@@ -23,7 +23,8 @@ pub(crate) struct Module {
 }
 
 impl Module {
-    /// Reads a module, and checks that it is WebAssembly.
+    /// Returns a compressed module with its tag for caches. Returns [`Error::Input`] for another
+    /// file.
     pub(crate) fn read(path: &Path) -> Result<Self> {
         let bytes = LIMIT.read(path)?;
         let mut magic = [0; 4];
@@ -33,7 +34,8 @@ impl Module {
             return Err(Error::input(path.display(), actual, wanted, LIMIT.hint));
         }
         // 64 bits of the digest are enough to distinguish versions of the file.
-        let etag = format!("\"{}\"", &sha256(&bytes)[..16]);
+        const ETAG_DIGITS: usize = 16;
+        let etag = format!("\"{}\"", &sha256(&bytes)[..ETAG_DIGITS]);
         Ok(Self { gzip: bytes.into(), etag })
     }
 }

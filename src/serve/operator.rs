@@ -18,7 +18,8 @@ use noctograph_photo_service::request::Product;
 const MAX_TEXT: usize = 256;
 
 impl Server {
-    /// Answers a GET of the operator's address.
+    /// Answers a GET of the operator's address by its route: the queue, the photos of entries, the
+    /// codes of addresses, or a file of the page.
     pub(crate) fn operator_get(&self, parts: &[&str], request: &Request) -> KeyResult<Reply> {
         match *parts {
             ["queue.json"] => Ok(http::uncached("application/json", self.entries.queue())),
@@ -107,16 +108,17 @@ impl Server {
     }
 }
 
-/// Decodes a text from the hexadecimal digits of its bytes. Returns `None` if the digits are
-/// invalid or the text is too long.
+/// Returns the text whose bytes a query gives as hexadecimal digits. Returns `None` if the digits
+/// are invalid or the text is too long.
 fn hex_text(query: &str) -> Option<String> {
     let (pairs, rest) = query.as_bytes().as_chunks::<2>();
     if pairs.len() > MAX_TEXT || !rest.is_empty() {
         return None;
     }
     let bytes = pairs.iter().map(|[high, low]| {
-        let digits = [high, low].map(|digit| char::from(*digit).to_digit(16));
-        u8::try_from(16 * digits[0]? + digits[1]?).ok()
+        const HEXADECIMAL: u32 = 16;
+        let digits = [high, low].map(|digit| char::from(*digit).to_digit(HEXADECIMAL));
+        u8::try_from(digits[0]? << 4 | digits[1]?).ok()
     });
     String::from_utf8(bytes.collect::<Option<_>>()?).ok()
 }

@@ -20,7 +20,7 @@ fn modules(text: &str) -> Vec<Vec<bool>> {
     rows
 }
 
-/// Returns a code as an SVG picture, dark on white.
+/// Returns the QR code of a text as an SVG picture, dark on white.
 pub(crate) fn svg(text: &str) -> String {
     // A single path draws all dark modules over a white square.
     let rows = modules(text);

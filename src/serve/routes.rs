@@ -53,8 +53,8 @@ pub(crate) struct Server {
 }
 
 impl Server {
-    /// Answers a request. Sets the connection's flag while the request is being worked on, so that
-    /// the connection is not closed.
+    /// Answers a request from its arrival to its reply. Sets the connection's flag while the
+    /// request is being worked on, so that the connection is not closed.
     pub(crate) async fn answer(self: Arc<Self>, (peer, request, is_working): Arrival) -> Reply {
         let (head, body) = request.into_parts();
         let reply = match self.access.admit(&head, peer) {
@@ -85,7 +85,7 @@ impl Server {
         http::with_common_fields(reply)
     }
 
-    /// Answers an admitted request by its address and route.
+    /// Answers an admitted request by its address and route. Returns the key of a refusal.
     async fn route(self: &Arc<Self>, request: Request) -> KeyResult<Reply> {
         let request = Arc::new(request);
         let parts: Vec<&str> = request.route.split('/').collect();
@@ -126,7 +126,8 @@ impl Server {
         }
     }
 
-    /// Answers a request that may wait for the disk.
+    /// Answers a request that may wait for the disk, by its kind of address. Visitors with an
+    /// entry's address cannot post.
     fn answer_with_disk(&self, request: &Request) -> KeyResult<Reply> {
         let parts: Vec<&str> = request.route.split('/').collect();
         match (&request.base, &request.body) {
@@ -196,7 +197,8 @@ impl Server {
         })
     }
 
-    /// Answers a GET of the visitors' or the kiosk's address.
+    /// Answers a GET of the visitors' or the kiosk's address by its route: the wall, an entry, or a
+    /// file of the page.
     fn visitor_get(&self, parts: &[&str], request: &Request) -> KeyResult<Reply> {
         match *parts {
             ["wall"] => Ok(http::json(&self.entries.wall())),
@@ -218,7 +220,8 @@ impl Server {
         }
     }
 
-    /// Answers a GET of an entry's address.
+    /// Answers a GET of the address of the entry `id` by its route: its facts, its photos, or a
+    /// file of the page.
     fn entry_get(&self, id: &str, parts: &[&str], request: &Request) -> KeyResult<Reply> {
         match *parts {
             ["entry.json"] => Ok(http::json(&self.entries.for_visitor(id)?)),
@@ -298,7 +301,8 @@ impl Server {
         Ok(with_status(reply, if is_new { 201 } else { 200 }))
     }
 
-    /// Makes the photo of an admitted request, and adds its entry.
+    /// Makes the photo of an admitted request, and adds its entry. Returns the receipt, or the
+    /// message of a refusal.
     async fn make_entry(
         self: &Arc<Self>,
         id: String,
@@ -341,7 +345,7 @@ const MAX_LANGUAGE: usize = 8;
 pub(crate) struct Posted(Map<String, Value>);
 
 impl Posted {
-    /// Parses an object, and refuses members whose names are not in `names`.
+    /// Parses a JSON object, and refuses members whose names are not in `names`.
     pub(crate) fn parse(body: &[u8], names: &[&str]) -> KeyResult<Self> {
         let members: Map<String, Value> =
             serde_json::from_slice(body).map_err(|_broken| Key::PageOld)?;
@@ -377,7 +381,7 @@ fn sandboxed(reply: Reply) -> Reply {
     with_field(reply, "Content-Security-Policy", policy)
 }
 
-/// Returns the content type of a file by its extension.
+/// Returns the content type of a file by its extension, which is plain text for unknown ones.
 fn content_type(name: &str) -> &'static str {
     match name.rsplit_once('.').map_or("", |(_, end)| end) {
         "html" => "text/html; charset=utf-8",
@@ -390,7 +394,7 @@ fn content_type(name: &str) -> &'static str {
     }
 }
 
-/// Returns the answer with a file, or a refusal if it does not exist.
+/// Returns the answer with a file, or the refusal [`Key::Closed`] if it does not exist.
 pub(crate) fn file_reply(path: Option<PathBuf>) -> KeyResult<Reply> {
     let path = path.ok_or(Key::Closed)?;
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();

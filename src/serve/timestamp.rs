@@ -9,10 +9,12 @@ pub(crate) fn now() -> String {
     rfc3339(SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs()))
 }
 
-/// Formats a time, given in seconds since the beginning of 1970.
+/// Returns a time, given in seconds since the beginning of 1970, as text in RFC 3339, such as
+/// `2026-11-30T18:00:00Z`.
 fn rfc3339(since_1970_s: u64) -> String {
     let [year, month, day] = date(since_1970_s / DAY_S);
     let s = since_1970_s % DAY_S;
+    // An hour has 3600 s, and a minute 60 s.
     let (hour, minute, second) = (s / 3600, s / 60 % 60, s % 60);
     format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z")
 }
@@ -28,6 +30,7 @@ fn date(days_since_1970: u64) -> [u64; 3] {
     // respectively, before their final leap day.
     let leap_days = day_of_era / 1460 - day_of_era / 36_524 + day_of_era / 146_096;
     let year = (day_of_era - leap_days) / 365;
+    // Every fourth year has a leap day, except for every hundredth year of the era.
     let day_of_year = day_of_era - (365 * year + year / 4 - year / 100);
     // From March on, every five months have 153 days.
     let month_from_march = (5 * day_of_year + 2) / 153;

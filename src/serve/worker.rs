@@ -112,6 +112,8 @@ impl<T> Drop for AbortOnDrop<T> {
 }
 
 impl Maker {
+    /// Creates a maker without a worker, which starts one for its first job. Jobs run in folders in
+    /// `scratch`.
     pub(crate) fn new(program: Program, scratch: &Path) -> Self {
         let permits = Semaphore::new(MAX_WAITING);
         let scratch = scratch.to_owned();
@@ -123,8 +125,9 @@ impl Maker {
         Self { is_frugal: true, ..Self::new(program, scratch) }
     }
 
-    /// Runs a job. If the future is dropped while the job waits, the job is never started. If it is
-    /// dropped later, the job is stopped, except for the photo of a keystroke.
+    /// Runs a job, and returns the answer or the message of a refusal. If the future is dropped
+    /// while the job waits, the job is never started. If it is dropped later, the job is stopped,
+    /// except for the photo of a keystroke.
     pub(crate) async fn make(&self, job: Job) -> std::result::Result<Parcel, Message> {
         let _permit = self.permits.try_acquire().map_err(|_full| Key::Busy)?;
         let mut slot = self.worker.clone().lock_owned().await;
@@ -165,7 +168,8 @@ struct Worker {
 }
 
 impl Worker {
-    /// Starts a worker in a new folder.
+    /// Starts a worker in a new folder in `scratch`. A frugal worker (`is_frugal`) uses a single
+    /// thread.
     fn start(program: Program, scratch: &Path, is_frugal: bool) -> std::io::Result<Self> {
         let folder = tempfile::Builder::new().prefix("worker-").tempdir_in(scratch)?;
         let mut command = Command::from((program.worker)()?);
@@ -183,7 +187,8 @@ impl Worker {
         Ok(Self { child, jobs, answers, _folder: folder })
     }
 
-    /// Sends a job, and reads the answer.
+    /// Sends a job to the worker, and reads the answer. Returns an error if the worker has ended or
+    /// answers with more than [`MAX_BYTES`].
     async fn answer(&mut self, job: &Job) -> std::io::Result<std::result::Result<Parcel, Message>> {
         let line = serde_json::to_string(job).expect("a job is plain data") + "\n";
         self.jobs.write_all(line.as_bytes()).await?;
@@ -208,10 +213,11 @@ impl Worker {
 }
 
 impl Drop for Worker {
+    /// Ends the process, and waits for its end, because Windows does not remove the current folder
+    /// of a running process.
     fn drop(&mut self) {
         let _ = self.child.start_kill();
-        // The end of the process is awaited, because Windows does not remove the current folder of
-        // a running process.
+
         for _ in 0..END_TRIES {
             match self.child.try_wait() {
                 Ok(None) => std::thread::sleep(END_PAUSE),
@@ -253,8 +259,9 @@ pub fn work(program: Program, scene: Option<&str>) -> Result<()> {
     Ok(())
 }
 
-/// Returns the part of an answer that the server receives, which is an answer for the page, or the
-/// files and the facts for an entry. Refuses an entry whose flight is not safe.
+/// Returns the part of an answer that the server receives: an answer for the page if it asked
+/// (`page`), or else the files and the facts for an entry. Refuses an entry whose flight is not
+/// safe.
 fn to_parcel(answer: Answer, page: Option<Asked>) -> std::result::Result<Parcel, Message> {
     if let Some(asked) = page {
         let bytes = PageAnswer::new(asked, Ok(answer)).json().into_bytes();
@@ -274,7 +281,8 @@ fn to_parcel(answer: Answer, page: Option<Asked>) -> std::result::Result<Parcel,
     Ok(Parcel { figures: Figures::new(*facts), files })
 }
 
-/// Writes an answer or a refusal to the server.
+/// Writes an answer or a refusal to the server: a line with the facts and the sizes of the files,
+/// followed by the files.
 fn write_answer(made: std::result::Result<Parcel, Message>) -> std::io::Result<()> {
     let (head, files): (Head, _) = match made {
         Ok(Parcel { figures, files }) => {
@@ -283,7 +291,7 @@ fn write_answer(made: std::result::Result<Parcel, Message>) -> std::io::Result<(
         }
         Err(message) => (Err(message), Vec::new()),
     };
-    // The first line contains the sizes of the files that follow.
+
     let mut out = std::io::stdout().lock();
     writeln!(out, "{}", json!(head))?;
     for file in files {
@@ -302,7 +310,7 @@ struct JobFolder<'a> {
 }
 
 impl<'a> JobFolder<'a> {
-    /// Creates a folder in `parent`, and makes it the current folder.
+    /// Creates a folder in `parent`, and makes it the current folder until the value is dropped.
     fn enter(parent: &'a Path) -> std::io::Result<Self> {
         let folder = tempfile::tempdir_in(parent)?;
         std::env::set_current_dir(folder.path())?;
@@ -359,7 +367,8 @@ impl JobMaker<'_> {
         }
     }
 
-    /// Makes the photo of the flight so far from its log.
+    /// Makes the photo of the flight so far from its log. The log and the film of the last call are
+    /// used again if they belong to the same flight.
     fn follow(&self, studio: &Studio<'_>, subject: &Subject, flight: &Followed) -> Made {
         let last = self.following.take().filter(|last| last.number == flight.number);
         let opened = last.map_or_else(|| Following::open(flight), Ok);
@@ -385,7 +394,8 @@ impl JobMaker<'_> {
         Ok(scene)
     }
 
-    /// Returns a typeface on this machine that contains all letters of a word, if any.
+    /// Returns a typeface on this machine that contains all letters of a word, if there is one.
+    /// Results are cached.
     fn face(&self, word: &str) -> Option<PathBuf> {
         let letters: BTreeSet<char> = word.chars().filter(|c| !c.is_whitespace()).collect();
         let mut faces = self.faces.borrow_mut();
@@ -399,7 +409,7 @@ impl JobMaker<'_> {
     }
 }
 
-/// Links or copies a file into the current folder, unless it is there, and returns its name.
+/// Links or copies a file into the current folder, unless it is there, and returns its name there.
 fn bring_here(path: &Path) -> Result<String> {
     let here = std::env::current_dir().map_err(|source| Error::read(path, source))?;
     let mut name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -417,7 +427,7 @@ fn bring_here(path: &Path) -> Result<String> {
     Ok(name)
 }
 
-/// Limits the memory of this process, if the system supports it.
+/// Limits the data of this process to [`MEMORY`] bytes, if the system supports it.
 fn limit_memory() {
     #[cfg(unix)]
     {

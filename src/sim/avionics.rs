@@ -8,7 +8,7 @@ use super::options::{ControllerKind, Drone, EstimatorKind, SetpointKind, Setpoin
 use super::radio::Link;
 use super::recorder::Recorder;
 use crate::sensors::{Fleet, Message, Readings, Sensors};
-use crate::vehicle::{Plant, RigidBody, State, attitude, position, rate, velocity};
+use crate::vehicle::{Plant, RigidBody, State, YAW, attitude, position, rate, velocity};
 use noctograph_core::crazyflie::{LEVEL_OUT_S, MOTORS_STOP_S};
 use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Error, Result};
@@ -89,7 +89,8 @@ const COMMANDER_S: f64 = 0.01;
 const LANDS_AFTER_S: f64 = 0.5;
 
 impl Avionics {
-    /// Creates the onboard system of a drone at rest at its starting position in the fleet.
+    /// Creates the onboard system of a drone at rest at its starting position in the fleet. Returns
+    /// an error if the options give no gain for the controller or the estimator.
     pub(super) fn new(drone: &Drone<'_>, fleet: &Fleet, plan: &Plan) -> Result<Self> {
         let yaw_rad = plan.yaw_rad;
         let Drone { believed, actual, seed, room_seed, .. } = *drone;
@@ -147,7 +148,8 @@ impl Avionics {
     }
 
     /// Begins a tick by measuring and updating the estimate. `fleet_m` contains the fleet's true
-    /// positions, for ranges between drones. Returns true if the motors must be commanded.
+    /// positions, for ranges between drones. Returns true if the motors must be commanded. It is
+    /// false while the motors are off, and between two commands.
     pub(super) fn sense(
         &mut self,
         plan: &Plan,
@@ -200,7 +202,8 @@ impl Avionics {
         };
     }
 
-    /// Commands the motors with the drone's controller.
+    /// Commands the motors with the drone's controller. The command holds until the next call. The
+    /// motors' saturation is recorded in it.
     pub(super) fn control(&mut self, plan: &Plan, time_s: f64) {
         let row = self.followed_setpoint();
         let setpoint = &plan.setpoints[row];
@@ -231,7 +234,8 @@ impl Avionics {
         self.command = self.controller.command(&estimate, &reference);
     }
 
-    /// Commands the motors m1…m4, clamped to their range. A command of NaN stops a motor.
+    /// Commands the motors m1…m4, clamped to the range of the drone's motor commands. A command of
+    /// NaN stops a motor.
     pub(super) fn command(&mut self, wanted: [f64; 4]) {
         let motors = wanted.map(|motor| motor.max(0.0).min(self.motor_max));
         self.command = Command { motors: motors.into(), saturated: motors != wanted };
@@ -272,7 +276,8 @@ impl Avionics {
         streamed.map_or(0.0, |link| link.silent_s(time_s))
     }
 
-    /// Ends a tick. Returns an error if the drone has flown away or flipped over.
+    /// Ends a tick by counting it. Returns [`Error::Infeasible`] if the drone has flown away or
+    /// flipped over, with the battery as the cause if it is empty.
     pub(super) fn conclude(&mut self, plan: &Plan, time_s: f64, plant: &Plant) -> Result<()> {
         self.ticks += 1;
         let is_writing = plan.setpoints[self.setpoint].letter.is_some();
@@ -309,7 +314,8 @@ impl Avionics {
         self.estimator.fleet_filter()?.message()
     }
 
-    /// Receives a message from the fleet.
+    /// Passes a message from the fleet to the estimator. Estimators without a fleet filter ignore
+    /// it.
     pub(super) fn receive(&mut self, message: &Message) {
         if let Some(filter) = self.estimator.fleet_filter() {
             filter.receive(message);
@@ -373,6 +379,7 @@ impl Avionics {
     }
 
     /// Returns the warnings about saturated motors, missing setpoints, the plant and the sensors.
+    /// Motors count as saturated only while a letter is written.
     pub(super) fn warnings(&self, plant: &Plant) -> Vec<Diagnostic> {
         let saturated_s = f64::from(self.saturated_writing_ticks) * self.tick_s;
         let saturated = (saturated_s > 0.0).then(|| warning::motor_at_limit(saturated_s));
@@ -404,8 +411,8 @@ pub(super) fn turned_ahead(state: &State, yaw_rad: f64) -> State {
     // Only position and yaw change, because velocity and rate are in the body frame.
     let mut ahead = *state;
     ahead.fixed_rows_mut::<3>(0).copy_from(&turned(&state.fixed_rows::<3>(0).into(), -yaw_rad));
-    let (sin, cos) = libm::sincos(state[3] - yaw_rad);
-    ahead[3] = libm::atan2(sin, cos);
+    let (sin, cos) = libm::sincos(state[YAW] - yaw_rad);
+    ahead[YAW] = libm::atan2(sin, cos);
     ahead
 }
 

@@ -56,7 +56,8 @@ pub fn fly_fleet(
     fly_watched(fleet, &mut |_, _, _| {}, progress)
 }
 
-/// Does the same as [`fly_fleet`], and calls `watch` for every drone after the commands of a tick.
+/// Flies several plans as [`fly_fleet`] does, and calls `watch` for every drone with the tick's
+/// number after the commands of each tick. `progress` receives the completed fraction.
 pub fn fly_watched(
     fleet: &[(&Plan, Drone<'_>)],
     watch: &mut dyn FnMut(u32, &Plant, &Avionics),
@@ -106,8 +107,10 @@ pub fn fly_watched(
     Ok(rigs.into_iter().map(Rig::finish).collect())
 }
 
-/// Checks options and plans, and creates the drones of a fleet at rest at their starts.
+/// Checks options and plans, and creates the drones of a fleet at rest at their starts. Returns the
+/// errors of [`fly_watched`], which requires at least one drone.
 pub(super) fn rigs(fleet: &[(&Plan, Drone<'_>)]) -> Result<Vec<Rig>> {
+    // All drones have the same clock and seed.
     let first = &fleet[0].1;
     let mut members = Vec::new();
     for (plan, drone) in fleet {
@@ -139,7 +142,8 @@ pub(super) struct Rig {
 }
 
 impl Rig {
-    /// Creates a drone at rest at the start of its plan.
+    /// Creates a drone at rest at the start of its plan. Returns an error for a plan that is too
+    /// long or for options without a gain.
     fn new(plan: &Plan, drone: &Drone<'_>, fleet: &Fleet) -> Result<Self> {
         let rates = &drone.actual.rates;
         let n_ticks = n_ticks(plan, rates.control_hz)?;
@@ -190,7 +194,8 @@ fn start_m(plan: &Plan, floor: &FloorOptions) -> Vector3<f64> {
     Vector3::new(first_m.x, first_m.y, first_m.z.max(floor.height_m(first_m.x, first_m.y)))
 }
 
-/// Checks that the plan has setpoints, that they are reachable, and that they clear the floor.
+/// Checks that the plan has setpoints, that their values are within ±[`LOST`], and that they clear
+/// the floor. Returns [`Error::Input`] with the number of the setpoint, counted from 0.
 fn check_plan(plan: &Plan, floor: &FloorOptions) -> Result<()> {
     let hint = "plan the word again, or correct the file that the plan was read from";
     if plan.setpoints.is_empty() {
@@ -239,7 +244,8 @@ fn check_clearance(plan: &Plan, floor: &FloorOptions) -> Result<()> {
     ))
 }
 
-/// Returns the number of control ticks up to the last setpoint, or an error for more than an hour.
+/// Returns the number of control ticks up to the last setpoint, or [`Error::Infeasible`] if the
+/// plan is longer than [`MAX_DURATION_S`].
 fn n_ticks(plan: &Plan, rate_hz: u32) -> Result<u32> {
     let duration_s = plan.duration_s();
     if !(0.0..=MAX_DURATION_S).contains(&duration_s) {

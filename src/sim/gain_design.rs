@@ -21,8 +21,8 @@ use crate::control::{
     Margins, dynamic, is_hurwitz, linearize_finely, margins, observability_rank, poles,
     unobservable_states, with_input_lag, with_states,
 };
-use crate::vehicle::{Mixer, State, VehicleOptions, Wrench};
-use noctograph_core::crazyflie::GRAVITY_M_S2;
+use crate::vehicle::{Mixer, N_STATES, RATE, State, VELOCITY, VehicleOptions, Wrench};
+use noctograph_core::crazyflie::{GRAVITY_M_S2, N_MOTORS};
 use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Result, within};
 
@@ -30,6 +30,8 @@ use noctograph_core::error::{Result, within};
 /// "Data-driven system identification of quadrotors subject to motor delays", IROS 2024). Other
 /// flights showed lags of 0.05 to 0.14 s.
 pub const MOTOR_LAG_S: f64 = 0.072;
+/// Smallest lag in s for which margins are computed.
+const LEAST_LAG_S: f64 = 1e-6;
 /// Maximum lag in s in the search for the longest stable lag.
 const MAX_LAG_S: f64 = 1.0;
 /// Number of bisections of the maximum lag, for a resolution of a microsecond.
@@ -141,7 +143,8 @@ impl Loop {
     }
 }
 
-/// Designs both gains of a drone, and computes their margins with a motor lag of `motor_lag_s`.
+/// Designs the gains of the regulator and of the observer of a drone, and computes the loop's poles
+/// and margins without and with a motor lag of `motor_lag_s`.
 ///
 /// # Errors
 ///
@@ -150,7 +153,7 @@ impl Loop {
 /// [`Error::Infeasible`](noctograph_core::error::Error::Infeasible) if the weights give no gain.
 pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
     options.check()?;
-    within("motor_lag_s", motor_lag_s, 1e-6, MAX_LAG_S)?;
+    within("motor_lag_s", motor_lag_s, LEAST_LAG_S, MAX_LAG_S)?;
     // The model is linearized at hover. Gains are designed without drag, but evaluated with it.
     let vehicle = &options.vehicle;
     let (a, b) =
@@ -204,6 +207,7 @@ pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
 
 /// Returns the loop of the selected controller with the plant including drag, and the names of the
 /// regulator's states, or none for other controllers. A regulator is designed for `A` without drag.
+/// Returns an error if the weights give no gain.
 fn feedback_loop(
     options: &SimOptions,
     [a, dragged_a]: [&SMatrix<f64, 12, 12>; 2],
@@ -221,14 +225,16 @@ fn feedback_loop(
     })
 }
 
-/// Returns the number of controllable states, by duality with observability.
+/// Returns the number of controllable states of the drone, 0 to 12, by duality with observability.
 fn controllability_rank(a: &SMatrix<f64, 12, 12>, b: &SMatrix<f64, 12, 4>) -> usize {
     // The scale of an input does not affect which states it can control.
     let unit_b = SMatrix::<f64, 12, 4>::from_fn(|i, j| b[(i, j)] / b.column(j).norm());
     observability_rank(&dynamic(&a.transpose()), &dynamic(&unit_b.transpose()))
 }
 
-/// Returns a regulator's loop, for lagging or instantaneous motors, and the names of its states.
+/// Returns the loop of a regulator, opened at the motors, and the names of its states.
+/// `modeled_lag_s` is the rotors' lag that the regulator models, whose four rotor states follow
+/// those of the drone.
 fn regulator_loop(
     [a, b]: [DMatrix<f64>; 2],
     gain: Gain,
@@ -250,18 +256,19 @@ fn regulator_loop(
     (Loop { a, b: b.resize_vertically(n + 4, 0.0), k }, states.chain(ROTOR_STATES).collect())
 }
 
-/// Returns the loop of a controller with a memory, whose states follow the drone's twelve.
+/// Returns the loop of a controller with a memory, opened at the motors. The states of the memory
+/// follow the drone's twelve.
 fn controller_loop(a: &DMatrix<f64>, b: &DMatrix<f64>, controller: &LinearController) -> Loop {
     let LinearController { k, h, f, g } = controller;
     let m = f.nrows();
-    let a = with_states(a, &DMatrix::zeros(12, m), g, f);
-    let mut k = (-k).resize_horizontally(12 + m, 0.0);
-    k.columns_mut(12, m).copy_from(&-h);
-    Loop { a, b: b.clone().resize_vertically(12 + m, 0.0), k }
+    let a = with_states(a, &DMatrix::zeros(N_STATES, m), g, f);
+    let mut k = (-k).resize_horizontally(N_STATES + m, 0.0);
+    k.columns_mut(N_STATES, m).copy_from(&-h);
+    Loop { a, b: b.clone().resize_vertically(N_STATES + m, 0.0), k }
 }
 
-/// Returns the largest deviation of each separate input from hover at which no motor exceeds its
-/// limits.
+/// Returns the largest deviation from hover of each input by itself (torques in N m, thrust in N),
+/// at which no motor exceeds its limits.
 fn largest_inputs(vehicle: &VehicleOptions) -> [f64; 4] {
     let mixer = Mixer::new(vehicle);
     let hover = mixer.motors(&vehicle.hover()).0;
@@ -274,7 +281,8 @@ fn largest_inputs(vehicle: &VehicleOptions) -> [f64; 4] {
 }
 
 /// Returns warnings about a loop that is unstable with the lag, and about the altitude loop.
-/// `poles` contains the poles without lag, and those with lag.
+/// `poles` contains the poles without lag, and those with lag. `is_stable` refers to the loop with
+/// the lag, and `longest_s` is its longest stable lag.
 fn warnings(
     options: &SimOptions,
     lag_s: f64,
@@ -313,11 +321,10 @@ fn warnings(
 /// Returns the contribution of the air to `A` at hover. For a small velocity in the body frame,
 /// this is the drag of body and rotors and the moment of the air across the rotors.
 fn drag(vehicle: &VehicleOptions) -> SMatrix<f64, 12, 12> {
-    const VELOCITY: usize = 6;
-    const RATE: usize = 9;
-    let hover_n = 0.25 * vehicle.mass_kg * GRAVITY_M_S2;
-    let rotors = 4.0 * vehicle.rotor_drag_n_s2_m * (hover_n / vehicle.rotor_thrust_n_s2).sqrt();
-    // Rotors have drag only across their axes.
+    // Each rotor's drag is proportional to its speed, and acts only across its axis.
+    let hover_n = vehicle.mass_kg * GRAVITY_M_S2 / N_MOTORS;
+    let hover_rad_s = (hover_n / vehicle.rotor_thrust_n_s2).sqrt();
+    let rotors = N_MOTORS * vehicle.rotor_drag_n_s2_m * hover_rad_s;
     let mut drag = SMatrix::zeros();
     for (axis, rotors_n_s_m) in [rotors, rotors, 0.0].into_iter().enumerate() {
         let total_n_s_m = vehicle.body_drag_n_s_m[axis] + rotors_n_s_m;
@@ -330,6 +337,7 @@ fn drag(vehicle: &VehicleOptions) -> SMatrix<f64, 12, 12> {
 }
 
 /// Returns the longest stable lag in s, by bisection, or `None` if [`MAX_LAG_S`] is stable.
+/// `is_stable` must not become true again beyond that lag.
 fn longest_lag_s(is_stable: impl Fn(f64) -> bool) -> Option<f64> {
     if is_stable(MAX_LAG_S) {
         return None;

@@ -34,6 +34,7 @@ pub(super) struct Link {
 
 impl Link {
     /// Creates the link of the drone `index`, or returns `None` if commands arrive immediately.
+    /// Drones use the radio in turns, in the order of their indices.
     pub(super) fn new(options: &RadioOptions, seed: u64, index: u64) -> Option<Self> {
         if options.drones == 0 {
             return None;
@@ -60,7 +61,8 @@ impl Link {
         Some(link)
     }
 
-    /// Returns the index of the setpoint received by `time_s`, while the host sends `newest`.
+    /// Returns the index of the last setpoint received by `time_s`, while the host sends the
+    /// setpoint `newest`. Times must not decrease.
     pub(super) fn hear(&mut self, time_s: f64, newest: usize) -> usize {
         while self.turn_s <= time_s {
             while self.turn_s >= self.outage[1] {
@@ -90,7 +92,8 @@ impl Link {
         time_s - self.last_s
     }
 
-    /// Draws the next outage, after the end of the present one.
+    /// Draws the next outage, after the end of the present one. Both the time until it and its
+    /// duration are exponentially distributed.
     fn next_outage(&mut self) {
         // Exponential times are drawn by inverting their distribution function.
         let [after_s, lasts_s] = [self.options.outage_every_s, self.options.outage_s]

@@ -18,7 +18,7 @@ const COLUMNS: [&str; 5] = [SATURATED_S, BATTERY_V, ENERGY_J, ESTIMATE_SIGMA_M, 
 pub(super) struct Recorder {
     flight: FlightData,
     /// Values of the [`COLUMNS`].
-    extra: [Vec<f64>; 5],
+    extra: [Vec<f64>; COLUMNS.len()],
 }
 
 impl Recorder {
@@ -32,12 +32,13 @@ impl Recorder {
         }
     }
 
-    /// Adds a sample with the levels of its lights and the values of the [`COLUMNS`].
+    /// Adds a sample with the levels of its lights (0 to 1, in the order of the channels) and the
+    /// values of the [`COLUMNS`]. A column whose value is `None` remains empty.
     pub(super) fn record(
         &mut self,
         sample: FlightSample,
         lights: impl Iterator<Item = f64>,
-        extra: [Option<f64>; 5],
+        extra: [Option<f64>; COLUMNS.len()],
     ) {
         self.flight.samples.push(sample);
         for (column, level) in self.flight.lights.values_mut().zip(lights) {

@@ -21,6 +21,7 @@ pub struct Session {
 
 impl Session {
     /// Creates a drone that waits for its first command, after `set_up` has changed its avionics.
+    /// Returns the errors of [`fly`](crate::fly()).
     pub fn new(plan: Plan, drone: &Drone<'_>, set_up: impl FnOnce(&mut Avionics)) -> Result<Self> {
         let mut rig = rigs(&[(&plan, *drone)])?.remove(0);
         set_up(&mut rig.avionics);
@@ -29,7 +30,8 @@ impl Session {
         Ok(session)
     }
 
-    /// Flies to the end of the plan with the drone's controller.
+    /// Flies to the end of the plan with the drone's controller. Returns an error if the drone is
+    /// lost.
     pub fn fly_by_itself(&mut self) -> Result<()> {
         while !self.has_landed {
             self.control()?;
@@ -69,12 +71,12 @@ impl Session {
         f64::from(self.tick) * self.rig.tick_s
     }
 
-    /// Returns the true position in m.
+    /// Returns the drone's true position in m in the world frame.
     pub fn position_m(&self) -> [f64; 3] {
         self.rig.plant.body().position_m.into()
     }
 
-    /// Returns the reference position in m.
+    /// Returns the position in m that the plan has at this time, in the world frame.
     pub fn reference_m(&self) -> [f64; 3] {
         self.rig.avionics.design(&self.plan, self.time_s()).position_m.into()
     }
@@ -97,7 +99,8 @@ impl Session {
         self.rig.finish()
     }
 
-    /// Flies until a command is due, or to the last setpoint.
+    /// Flies until a command is due, or to the last setpoint, after which the drone counts as
+    /// landed.
     fn run(&mut self) -> Result<()> {
         while self.tick <= self.rig.n_ticks {
             let time_s = self.time_s();
@@ -111,6 +114,8 @@ impl Session {
         Ok(())
     }
 
+    /// Ends the present tick by moving the drone, and counts it. Returns an error if the drone is
+    /// lost.
     fn conclude(&mut self) -> Result<()> {
         let time_s = self.time_s();
         let concluded = self.rig.conclude(&self.plan, self.tick, time_s, &mut |_, _, _| {});

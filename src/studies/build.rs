@@ -19,6 +19,9 @@ const FOLDERS: [&str; 10] = [
     "../../shaders",
 ];
 
+/// Sets `NOCTOGRAPH_SOURCE` for the compiler to a hash of the names and the contents of all files
+/// of the source, 16 hexadecimal digits. Records of flights state it, so that flights of different
+/// sources are not mixed.
 fn main() {
     let mut files = Vec::new();
     for folder in FOLDERS.into_iter().chain(["."]) {

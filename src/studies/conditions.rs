@@ -107,8 +107,9 @@ settings! {
 
 impl Conditions {
     /// Returns the conditions `drone`: an ordinary room, and an arbitrary drone of the scene's
-    /// model. The standard deviations are 1 g of 35 g for the mass, and 3 % for the motors, half of
-    /// the difference inferred from the reference flight's trim.
+    /// model. The standard deviation of the mass is 1 g of 35 g. That of the center of mass is 0.5
+    /// mm, the effect of motors that differ by 3 %, which is half of the difference inferred from
+    /// the reference flight's trim.
     pub fn any_drone() -> Self {
         Self { mass_frac: 0.03, center_of_mass_m: 0.5e-3, ..Self::default() }
     }
@@ -245,7 +246,8 @@ impl Conditions {
         *loss_frac = 1.0 - (1.0 - *loss_frac) * (1.0 - lost_frac);
     }
 
-    /// Adds the distortion of positions, and the errors of the frame's rotation and scale.
+    /// Adds the conditions' distortion of positions to that of the scene, as independent errors,
+    /// and draws the errors of the frame's rotation (rad) and scale (a fraction).
     fn draw_lighthouse(&self, sensors: &mut LighthouseOptions, chance: &FlightDraw) {
         for error_m in [&mut sensors.distortion_m, &mut sensors.station_position_error_m] {
             *error_m = libm::hypot(*error_m, self.lighthouse_distortion_m);
@@ -258,7 +260,8 @@ impl Conditions {
         sensors.frame_scale_error += self.lighthouse_frame_frac * frame.normal();
     }
 
-    /// Raises the scene's gusts to at least those of the conditions, and adds missing drag.
+    /// Raises the standard deviation of the scene's gusts to at least that of the conditions, in
+    /// m/s. Adds body drag if the scene has none, because gusts act through the drag.
     fn draw_gusts(&self, sim: &mut SimOptions) {
         if self.gust_m_s <= 0.0 {
             return;

@@ -347,7 +347,8 @@ impl EveningLog {
     }
 }
 
-/// Returns the durations of the log's gaps within `air`, the airborne samples.
+/// Returns the durations in s of the log's gaps that lie entirely within `air`, the airborne
+/// samples.
 fn gaps_s(flight: &Flight, air: &[FlightSample]) -> Vec<f64> {
     let (from_s, to_s) = (air[0].time_s, air[air.len() - 1].time_s);
     let within = flight.gaps.iter().filter(|[start_s, end_s]| from_s <= *start_s && *end_s <= to_s);
@@ -389,14 +390,15 @@ fn figures(
     })
 }
 
-/// Returns `figure` if it differs from the scene's value by more than three standard deviations,
-/// otherwise the scene's value.
+/// Returns `figure` if it differs from the scene's value by more than three standard deviations
+/// `sigma` of its error, otherwise the scene's value. All three have the same unit.
 fn significant(figure: f64, sigma: f64, scene: f64) -> f64 {
     if (figure - scene).abs() > 3.0 * sigma { figure } else { scene }
 }
 
-/// Returns the standard deviation of values, each given with the σ of its error, after subtracting
-/// the variance of the errors. Returns 0 for fewer than two values.
+/// Returns the standard deviation of values between drones, in the unit of the values. Each value
+/// is given with the σ of its error, and the variance of the errors is subtracted. Returns 0 for
+/// fewer than two values.
 fn spread(values: &[(f64, f64)]) -> f64 {
     let n = values.len() as f64;
     let middle = mean(values.iter().map(|(value, _)| value));
@@ -407,7 +409,8 @@ fn spread(values: &[(f64, f64)]) -> f64 {
 }
 
 /// Returns a sort key that compares numbers within names by value, and places numbers before other
-/// characters. The name itself breaks ties.
+/// characters. Each part is a number with false, or a character with true. The name itself breaks
+/// ties.
 fn natural(name: &str) -> (Vec<(bool, u64)>, String) {
     let mut parts: Vec<(bool, u64)> = Vec::new();
     for c in name.chars() {

@@ -120,7 +120,8 @@ fn log_between([least, most]: [f64; 2], fraction: f64) -> f64 {
 const HINT: &str = "for example plan.stroke_speed_m_s=0.1..0.4, controller.lqr.q[2]*=0.1..10 or \
                     controller.kind=lqr|lqr-feedforward";
 
-/// Returns a scene whose knobs are set to a point of the unit cube.
+/// Returns a scene whose knobs are set to a point of the unit cube. The point has a coordinate from
+/// 0 to 1 for each knob.
 ///
 /// # Errors
 ///
@@ -136,7 +137,8 @@ pub fn turned(scene: &Scene, knobs: &[Knob], point: &[f64]) -> Result<Scene> {
     Ok(scene)
 }
 
-/// Returns the keys of knobs without effect under any combination of choices, with reasons.
+/// Returns the keys of knobs without effect under any combination of choices, as pairs of a key and
+/// the reason.
 pub(super) fn without_effect(scene: &Scene, knobs: &[Knob]) -> Vec<(String, String)> {
     // The scene is set to every combination of the choices.
     let mut scenes = vec![scene.clone()];

@@ -170,7 +170,9 @@ pub(super) fn pairs(contenders: &[(&str, &[f64])]) -> Vec<Pair> {
     }
 }
 
-/// Returns `value` for a contender's records by word, without the records for which it is `None`.
+/// Returns `value` of a contender's records, one list per word of the study. Records for which it
+/// is `None` are left out, so a list may be shorter than the word's number of flights. `records`
+/// are in the order of the study's words.
 fn strata(
     study: &Study,
     mut records: &[Record],
@@ -183,7 +185,8 @@ fn strata(
     words.collect()
 }
 
-/// Computes a contender's measures, except its place. `first` is the index of its first record.
+/// Computes a contender's measures, except its place, which depends on the other contenders.
+/// `first` is the index of its first record among those of the study.
 fn measure(study: &Study, records: &[Record], first: usize) -> Measures {
     let probabilities = strata(study, records, |record| Some(record.outcome.probability));
     // Photos are sorted from worst to best. A flight with a lost drone has no photo.

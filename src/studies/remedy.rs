@@ -90,7 +90,8 @@ pub fn remedies(shoot: &Shoot) -> Result<Vec<Remedy>> {
     Ok(remedies)
 }
 
-/// Returns the probability that the scene's word is read with a seed. Returns 0 if nothing is read.
+/// Returns the probability from 0 to 1 that the scene's word is read with a seed. Returns 0 if
+/// nothing is read, and an error if the scene cannot be flown.
 fn read_probability(scene: &Scene, seed: u64) -> Result<f64> {
     let mut shoot = Shoot::new(Scene { seed, ..scene.clone() })?;
     (shoot.judging, shoot.backend) = (Judging::Scored, BackendChoice::Cpu);
@@ -99,7 +100,8 @@ fn read_probability(scene: &Scene, seed: u64) -> Result<f64> {
 }
 
 /// Returns a scene with changes applied. A change to the plan's style also resets the rest of the
-/// plan, except its lamps, to that style's defaults.
+/// plan, except its lamps, to that style's defaults. Returns an error if the changed scene is
+/// invalid.
 fn changed(scene: &Scene, changes: &[Change]) -> Result<Scene> {
     let mut scene = scene.clone();
     if changes.iter().any(|change| change.key == "plan.style") {
@@ -112,12 +114,14 @@ fn changed(scene: &Scene, changes: &[Change]) -> Result<Scene> {
 /// A change to one or more keys, preceded by true if the change makes sense for the scene.
 type Candidate = (bool, Vec<Change>);
 
-/// Returns the candidate that sets a single key.
+/// Returns the candidate that sets a single key. `wanted` is true if the change makes sense for the
+/// scene.
 fn set(wanted: bool, key: &'static str, value: impl ToString) -> Candidate {
     (wanted, vec![Change::new(key, value)])
 }
 
-/// Returns candidates that change the letters, the plan, the drone or the lamps.
+/// Returns candidates that change the letters, the plan, the drone or the lamps, each marked with
+/// whether it makes sense for this scene.
 fn writing(scene: &Scene) -> Vec<Candidate> {
     let Scene { plan, letters, light, controller, .. } = scene;
     // The slower speed is half the plan's, rounded to centimeters per second.
@@ -137,11 +141,13 @@ fn writing(scene: &Scene) -> Vec<Candidate> {
         set(controller.kind == ControllerKind::Lqr, "controller.kind", "lqr-integral"),
         set(other_lights, "plan.lights", "[\"headlights\"]"),
         set(light.ring != RingEffect::Off, "light.ring", "off"),
+        // With only bit 7 set, the LEDs of the board are off.
         set(light.led_bitmask != 128, "light.led_bitmask", 128),
     ]
 }
 
-/// Returns candidates that change the camera or the room.
+/// Returns candidates that change the camera or the room, each marked with whether it makes sense
+/// for this scene. Returns an error if the scene's camera is invalid.
 fn pictures(shoot: &Shoot) -> Result<Vec<Candidate>> {
     let Scene { camera, photo, .. } = &shoot.scene;
     let good = CameraOptions::default();

@@ -32,7 +32,8 @@ impl Search {
         Self { rng: ChaCha8Rng::seed_from_u64(seed), coordinates, n_points: 0 }
     }
 
-    /// Returns the next point to try.
+    /// Returns the next point to try, in the unit cube. The first points are uniform, and later
+    /// ones are drawn where earlier costs were low.
     pub(super) fn ask(&mut self) -> Vec<f64> {
         let rng = &mut self.rng;
         // Points are drawn uniformly until there are enough of them to estimate a density.
@@ -46,7 +47,8 @@ impl Search {
         values.collect()
     }
 
-    /// Adds a point with its cost. Panics if the cost is NaN or the point lies outside the cube.
+    /// Adds a tried point with its cost, of which less is better. Panics if the cost is NaN or the
+    /// point lies outside the cube.
     pub(super) fn tell(&mut self, point: &[f64], cost: f64) {
         self.n_points += 1;
         // Each coordinate is estimated independently, as by Bergstra et al.

@@ -66,7 +66,8 @@ pub fn shards(study: &Study, prepared: &[Prepared], folder: &Path) -> Result<Vec
     Ok(files)
 }
 
-/// Returns a digest of a study's scenes, words, conditions and seeds, and of this build.
+/// Returns a digest of a study's scenes, words, conditions and seeds, and of this build, as 16
+/// hexadecimal digits. Parts of a study with different digests cannot be merged.
 fn digest(study: &Study, prepared: &[Prepared]) -> String {
     let mut digest = Digest::default();
     prepared.iter().for_each(|scene| digest.add(scene.digest()));

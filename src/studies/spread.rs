@@ -123,16 +123,17 @@ impl Band {
     }
 }
 
-/// Returns the quantiles that define a band: its lower end, its median and its upper end.
+/// Returns the quantiles that define a band: its lower end, its median and its upper end, in the
+/// unit of `values`. They are NaN without values.
 fn band_quantiles(mut values: Vec<f64>) -> [f64; 3] {
     values.sort_by(f64::total_cmp);
     let tail = 0.5 * (1.0 - BAND_FRAC);
     [tail, 0.5, 1.0 - tail].map(|probability| quantile(&values, probability))
 }
 
-/// Returns a quantile of sorted values by Weibull's plotting position, `k / (n + 1)`, so that a
-/// further value is smaller with the given probability. The result is limited to the extremes.
-/// Without values the result is NaN.
+/// Returns the quantile of sorted values below which a further value lies with the given
+/// probability from 0 to 1. It uses Weibull's plotting position, `k / (n + 1)`, and is limited to
+/// the extremes. Without values the result is NaN.
 fn quantile(sorted: &[f64], probability: f64) -> f64 {
     let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
     let rank = (probability * (last as f64 + 2.0) - 1.0).clamp(0.0, last as f64);

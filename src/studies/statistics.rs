@@ -224,7 +224,7 @@ impl Posterior {
     }
 }
 
-/// Returns the values, shifted so that every stratum has the given mean, and scaled so that their
+/// Returns the values, shifted so that every stratum has the mean `value`, and scaled so that their
 /// variance about that mean is the variance within strata.
 fn about(value: f64, strata: &[Vec<f64>]) -> Vec<f64> {
     let strata = pooled(strata);
@@ -285,7 +285,8 @@ pub(super) fn least_for_center(level: f64) -> u32 {
     libm::ceil(libm::log2(2.0 / (1.0 - level)) - 1e-9) as u32
 }
 
-/// Returns the means of all nonempty subsets, or of [`SUBSETS`] random ones.
+/// Returns the means of all nonempty subsets, or of [`SUBSETS`] random ones if there are too many
+/// to enumerate. The random ones are the same in every run.
 fn subset_means(values: &[f64]) -> Vec<f64> {
     // Each table contains the sums for eight values, so a subset's mean takes a look-up per table.
     let tables: Vec<Vec<(f64, u32)>> = values.chunks(8).map(subset_sums).collect();
@@ -310,6 +311,7 @@ fn subset_sums(eight: &[f64]) -> Vec<(f64, u32)> {
 }
 
 /// Returns the mean of the subset given by an index into each table, or `None` for an empty one.
+/// Each table lists the sum and the number of values of every subset of eight values.
 fn subset_mean(tables: &[Vec<(f64, u32)>], indices: impl Iterator<Item = usize>) -> Option<f64> {
     let sums = tables.iter().zip(indices).map(|(table, index)| table[index % table.len()]);
     let (sum, n) = sums.fold((0.0, 0), |(sum, n), (more, count)| (sum + more, n + count));
@@ -356,7 +358,8 @@ fn student_t(freedom: f64) -> f64 {
     (freedom * y).sqrt()
 }
 
-/// Returns a statistic of all values, with its 95 % percentile bootstrap interval.
+/// Returns a statistic of all values, with its 95 % percentile bootstrap interval. `statistic` may
+/// reorder the values that it receives.
 pub(super) fn bootstrap(strata: &[Vec<f64>], statistic: impl Fn(&mut [f64]) -> f64) -> Estimate {
     let (mut values, strata) = (strata.concat(), pooled(strata));
     let value = statistic(&mut values);

@@ -229,7 +229,7 @@ impl Log {
     }
 }
 
-/// Returns a record as a line of JSON.
+/// Returns a record as a line of JSON, with its line feed.
 fn line_of(record: &Record) -> Vec<u8> {
     let mut line = serde_json::to_vec(record).expect("a record is plain data");
     line.push(b'\n');
@@ -263,7 +263,8 @@ fn lock(folder: &Path) -> Result<File> {
     }
 }
 
-/// Checks that this build wrote the folder, and writes the header if there is none.
+/// Checks that this build wrote the folder, and writes the header if there is none. Returns an
+/// error for the header of another build, whose outcomes may differ.
 fn check_header(folder: &Path) -> Result<()> {
     let path = folder.join(HEADER_FILE);
     let noctograph = format!("{} (source {SOURCE})", env!("CARGO_PKG_VERSION"));
@@ -307,7 +308,8 @@ fn too_many(place: impl Into<Place>) -> Error {
 }
 
 /// Calls `f` with the record of each complete line, and returns the total length of these lines in
-/// bytes. A partial line written by this program may follow them.
+/// bytes. A partial line written by this program may follow them. Returns the errors of reading, of
+/// a line that is no record, and of `f`.
 fn each_line(file: impl Read, path: &Path, mut f: impl FnMut(Record) -> Result<()>) -> Result<u64> {
     let mut reader = BufReader::new(file);
     let (mut count, mut length, mut line) = (0, 0, Vec::new());

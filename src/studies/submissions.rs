@@ -108,6 +108,7 @@ fn gather(
 const LINK: &str = "a link, which is not followed";
 
 /// Returns the reason why an entry of a folder is not a submission, or `None` if it may be one.
+/// `is_in_student` is true in a student's own folder, which has no folders.
 fn refusal(path: &Path, is_in_student: bool) -> Option<&'static str> {
     Some(match &*ending(path) {
         _ if path.is_symlink() => LINK,
@@ -136,7 +137,8 @@ fn distinct_name(path: &Path, submitted: &[Submitted]) -> String {
     path.display().to_string()
 }
 
-/// Returns the last `n` parts of a path, with or without the file's extension.
+/// Returns the last `n` parts of a path, joined by slashes. The file's extension is kept if
+/// `has_extension` is true.
 fn path_end(path: &Path, n: usize, has_extension: bool) -> String {
     let path = if has_extension { path.to_owned() } else { path.with_extension("") };
     let parts: Vec<_> = path.iter().map(|part| part.to_string_lossy().into_owned()).collect();

@@ -154,7 +154,8 @@ impl Prepared {
     }
 }
 
-/// Separates a lost drone from other errors. `Ok(Err)` contains the cause of the loss.
+/// Separates a lost drone from other errors. `Ok(Err)` contains the cause of the loss, which is an
+/// outcome of the flight and not a failure of the program.
 pub(super) fn or_lost<T>(flown: Result<T>) -> Result<std::result::Result<T, String>> {
     match flown {
         Ok(flown) => Ok(Ok(flown)),
@@ -207,7 +208,7 @@ pub(super) fn reader(strokes: &Strokes, options: &ScoreOptions) -> Result<Arc<Re
     Ok(reader)
 }
 
-/// Computes the value of [`Prepared::digest`].
+/// Computes the value of [`Prepared::digest`], as 16 hexadecimal digits.
 fn digest(scene: &Scene, conditions: &Conditions) -> String {
     let mut digest = Digest::default();
     // A different build gives a different digest.

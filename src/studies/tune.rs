@@ -154,7 +154,8 @@ pub struct Candidate {
 }
 
 impl Candidate {
-    /// Returns the cost that the search minimizes.
+    /// Returns the cost that the search minimizes: [`PENALTY`] times the excess over limits, minus
+    /// the merit.
     fn cost(&self) -> f64 {
         PENALTY * self.broken - self.merit
     }
@@ -376,7 +377,7 @@ fn margin_broken(scene: &Scene) -> f64 {
     (1.0 - longest_s / MOTOR_LAG_S).max(0.0)
 }
 
-/// Returns the Pareto front described at [`Tuned::front`].
+/// Returns the numbers of the candidates on the Pareto front described at [`Tuned::front`].
 fn front(candidates: &[Candidate]) -> Vec<usize> {
     let mut allowed: Vec<(f64, &Candidate)> = candidates
         .iter()

@@ -114,12 +114,13 @@ const NAMED_IN_EXIF: [BodyModel; 3] =
     [BodyModel::A6400, BodyModel::CanonEos2000D, BodyModel::OneInch];
 
 impl BodyModel {
-    /// Returns the body's sensor, lens and EXIF names. The focal length of a fixed lens matches the
-    /// maker's diagonal angle of view on the 4:3 sensor.
+    /// Returns the width of the body's sensor and picture, its fixed lens and its EXIF names. The
+    /// focal length of a fixed lens matches the maker's diagonal angle of view on the 4:3 sensor.
     pub fn figures(&self) -> BodyFigures {
         fn body(sensor_width_m: f64, width_px: f64, exif: &'static [&'static str]) -> BodyFigures {
             BodyFigures { sensor_width_m, width_px, fixed_lens: None, exif }
         }
+        /// Returns the figures of a phone, whose sensor has a 4:3 picture 4000 px wide.
         fn phone(
             sensor_width_m: f64,
             focal_length_m: f64,
@@ -168,7 +169,9 @@ impl BodyModel {
 }
 
 impl LensModel {
-    /// Returns the lens's focal length, widest aperture, distortion and vignetting.
+    /// Returns the lens's focal length in m, its widest aperture number, its distortion
+    /// coefficients, and its vignetting in stops at the corner of a full-frame sensor at that
+    /// aperture.
     pub fn figures(&self) -> LensFigures {
         const NONE: [f64; 4] = [0.0; 4];
         let (focal_length_m, min_f_number, wide_open_stops, distortion) = match self {

@@ -76,6 +76,14 @@ pub struct ImagePoint {
     pub depth_m: f64,
 }
 
+/// Largest distance in m of a point in the word's plane that a corner of the picture shows.
+const MAX_PLANE_M: f64 = 1000.0;
+/// Maximum number of iterations that invert the distortion, and their error of the tangents.
+const MAX_ITERATIONS: u32 = 200;
+const CONVERGED: f64 = 1e-12;
+/// Exposure in lx s at which a sensor of ISO 1 saturates (saturation-based speed, ISO 12232).
+const SATURATION_LX_S: f64 = 78.0;
+
 impl Camera {
     /// Returns the same camera with another picture width, and the height scaled in proportion.
     pub fn at_width(&self, width_px: u32) -> Self {
@@ -111,23 +119,25 @@ impl Camera {
     }
 
     /// Returns the unit vector in the world frame toward a point of the picture. Inverts
-    /// [`Self::image_from_world`] by fixed-point iteration, and returns `None` if that diverges.
+    /// [`Self::image_from_world`] by fixed-point iteration. Returns `None` if that does not
+    /// converge within 200 iterations.
     pub fn world_from_image(&self, x_px: f64, y_px: f64) -> Option<Vector3<f64>> {
         let middle_px = Vector2::new(f64::from(self.width_px), f64::from(self.height_px)) / 2.0;
         let wanted = (Vector2::new(x_px, y_px) - middle_px) / self.focal_length_px();
         // tangents ← tangents + (wanted − distorted(tangents)) converges for weak distortion.
         let mut tangents = wanted;
-        for _ in 0..200 {
+        for _ in 0..MAX_ITERATIONS {
             let error = wanted - Vector2::from(self.distorted(tangents.into())?);
             tangents += error;
-            if error.amax() < 1e-12 {
+            if error.amax() < CONVERGED {
                 return Some(self.camera_from_world.transpose() * tangents.push(1.0).normalize());
             }
         }
         None
     }
 
-    /// Applies the distortion to a ray's tangents, or returns `None` if the image folds back there.
+    /// Returns the tangents of a ray's angles to the optical axis after the distortion, or `None`
+    /// if the image folds back there.
     fn distorted(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
         let [k1, k2, p1, p2] = self.distortion;
         if self.distortion == [0.0; 4] {
@@ -146,8 +156,9 @@ impl Camera {
         ])
     }
 
-    /// Returns the box `[left, bottom, right, top]` in the word's plane (y = 0) that contains the
-    /// points seen at the picture's four corners, or `None` if a corner sees no point within 1 km.
+    /// Returns the box `[left, bottom, right, top]` in m in the word's plane (y = 0) that contains
+    /// the points seen at the picture's four corners. Returns `None` if a corner sees no point
+    /// within 1 km.
     pub fn plane_bounds_m(&self) -> Option<[f64; 4]> {
         let [right, bottom] = [self.width_px, self.height_px].map(f64::from);
         let corners = [[0.0, 0.0], [right, 0.0], [right, bottom], [0.0, bottom]];
@@ -155,7 +166,7 @@ impl Camera {
             let ray = self.world_from_image(x_px, y_px)?;
             let distance_m = -self.position_m.y / ray.y;
             let point_m = self.position_m + ray * distance_m;
-            (distance_m > 0.0 && distance_m < 1000.0).then_some([point_m.x, point_m.z])
+            (distance_m > 0.0 && distance_m < MAX_PLANE_M).then_some([point_m.x, point_m.z])
         });
         Some(bounds(on_plane.collect::<Option<Vec<_>>>()?))
     }
@@ -164,11 +175,13 @@ impl Camera {
     pub fn unvignetted(&self, x_px: f64, y_px: f64) -> f64 {
         let (width, height) = (f64::from(self.width_px), f64::from(self.height_px));
         let (x, y) = (x_px - width / 2.0, y_px - height / 2.0);
+        // Distances are relative to half of the picture's diagonal.
         let corner_sq = 0.25 * (width * width + height * height);
         (1.0 - self.vignetting * (x * x + y * y) / corner_sq).max(0.0)
     }
 
-    /// Returns the diameter of the circle of confusion on the sensor, `f²/N · |d - d_f| / (d d_f)`.
+    /// Returns the diameter in m of the circle of confusion on the sensor, `f²/N · |d - d_f| / (d
+    /// d_f)`, which is 0 for a camera that is not focused.
     pub fn defocus_m(&self, depth_m: f64) -> f64 {
         let f = self.focal_length_m;
         self.focus_m.map_or(0.0, |focus_m| {
@@ -187,7 +200,7 @@ impl Camera {
     /// sensitivity, the converter clips at `78 / ISO` (saturation-based speed, ISO 12232). Below
     /// the base sensitivity, the well is full at `78 / base ISO`.
     pub fn saturation_lx_s(&self) -> f64 {
-        78.0 / self.iso.max(self.base_iso)
+        SATURATION_LX_S / self.iso.max(self.base_iso)
     }
 }
 

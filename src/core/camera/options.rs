@@ -20,6 +20,12 @@ const FULL_FRAME_WIDTH_M: f64 = 0.036;
 /// Minimum distance in m to a word at which the camera is focused on it by default.
 const LEAST_FOCUS_M: f64 = 0.1;
 
+/// Distance in m below which a target coincides with the camera.
+const LEAST_DISTANCE_M: f64 = 1e-9;
+
+/// Lengths of a quaternion that counts as a rounded unit quaternion.
+const UNIT_LENGTH: std::ops::RangeInclusive<f64> = 0.95..=1.05;
+
 settings! {
     /// Settings of the camera.
     ///
@@ -155,7 +161,8 @@ impl CameraOptions {
         Ok(())
     }
 
-    /// Returns the fraction of the light that vignetting removes at the picture's corner.
+    /// Returns the fraction of the light, 0 to 1, that vignetting removes at the picture's corner
+    /// at an aperture number.
     pub fn vignetting_at(&self, f_number: f64) -> f64 {
         let aspect = f64::from(self.height_px) / f64::from(self.width_px);
         let corner_m = 0.5 * self.body.figures().sensor_width_m * (1.0 + aspect * aspect).sqrt();
@@ -183,8 +190,9 @@ impl CameraOptions {
         Err(Error::input("camera.framing", "nothing written", wanted, hint))
     }
 
-    /// Returns the camera's position and the rotation from the world to the camera frame, for a
-    /// word centered at `middle`.
+    /// Returns the camera's position in m and the rotation from the world to the camera frame, for
+    /// a word within `bounds_m` (left, bottom, right, top) whose center is `middle`. Returns the
+    /// errors of the framing.
     fn pose(
         &self,
         bounds_m: [f64; 4],
@@ -201,8 +209,8 @@ impl CameraOptions {
         }
     }
 
-    /// Returns the camera for a word in the box `[left, bottom, right, top]` and a flight up to
-    /// `end_s`.
+    /// Returns the camera for a word in the box `[left, bottom, right, top]` in m and a flight that
+    /// ends at `end_s`, at which the shutter closes unless a time is set.
     ///
     /// # Errors
     ///
@@ -241,13 +249,14 @@ impl CameraOptions {
 
 impl FixedPose {
     /// Returns the rotation from the world to the camera frame. The camera has the orientation that
-    /// is set, or otherwise points at the target, or otherwise at `middle`. Returns an error if the
-    /// target coincides with the camera, or if the quaternion's length is not 1.
+    /// is set, or otherwise points at the target, or otherwise at `middle`. Returns
+    /// [`Error::Input`] if the target coincides with the camera, or if the quaternion's length is
+    /// not 1.
     fn camera_from_world(&self, middle: Vector3<f64>) -> Result<Matrix3<f64>> {
         let Some(orientation) = self.orientation_wxyz else {
             let forward =
                 self.target_m.map_or(middle, Vector3::from) - Vector3::from(self.position_m);
-            if forward.norm() > 1e-9 {
+            if forward.norm() > LEAST_DISTANCE_M {
                 return Ok(camera_from_world(forward));
             }
             let position_m = self.position_m;
@@ -260,7 +269,7 @@ impl FixedPose {
         };
         // The length of a rounded quaternion may differ slightly from 1.
         let length = orientation.iter().map(|value| value * value).sum::<f64>().sqrt();
-        if (0.95..=1.05).contains(&length) {
+        if UNIT_LENGTH.contains(&length) {
             return Ok(camera_from_orientation(orientation));
         }
         Err(input_error!(
@@ -272,7 +281,7 @@ impl FixedPose {
     }
 }
 
-/// Checks the size of a picture.
+/// Checks that each side of a picture is at least one pixel, and that it is not too large.
 ///
 /// # Errors
 ///

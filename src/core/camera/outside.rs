@@ -4,6 +4,9 @@ use nalgebra::Vector3;
 
 use super::{Camera, ImagePoint};
 
+/// Number of centimeters in a meter.
+const CM_PER_M: f64 = 100.0;
+
 impl Camera {
     /// Describes how far points lie outside the picture, measured at the depth of each point, such
     /// as `12 cm on the left, 3 cm at the bottom`. Returns `None` if all points are inside.
@@ -23,7 +26,7 @@ impl Camera {
         let names = ["on the left", "on the right", "at the top", "at the bottom"];
         let beyond = sides_m.into_iter().zip(names).filter(|(m, _)| *m > 0.0);
         let mut parts: Vec<String> =
-            beyond.map(|(m, side)| format!("{:.0} cm {side}", (m * 100.0).max(1.0))).collect();
+            beyond.map(|(m, side)| format!("{:.0} cm {side}", (m * CM_PER_M).max(1.0))).collect();
         if is_behind {
             parts.push("part of it behind the camera".to_owned());
         }

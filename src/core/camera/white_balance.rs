@@ -24,33 +24,37 @@ impl Default for WhiteBalance {
 
 /// Range in kelvin in which the approximation of the Planckian locus is valid.
 const KELVIN: [f64; 2] = [1700.0, 25_000.0];
+/// Smallest and largest gain of a channel.
+const GAINS: [f64; 2] = [0.01, 100.0];
 
 impl Described for WhiteBalance {
+    /// Checks that a color temperature is within [`KELVIN`], and that gains are within [`GAINS`].
     fn check(&self, place: &str, _: Option<[f64; 2]>) -> Result<()> {
         match self {
             Self::Kelvin(kelvin) => kelvin.check(place, Some(KELVIN)),
-            Self::Gains(gains) => gains.check(place, Some([0.01, 100.0])),
+            Self::Gains(gains) => gains.check(place, Some(GAINS)),
         }
     }
 }
 
 impl WhiteBalance {
-    /// Returns the gains for red, green and blue. For a color temperature, the gains are at least
-    /// 1, so that saturated pixels stay white.
+    /// Returns the gains for red, green and blue, relative to each other. For a color temperature
+    /// in K, the gains are at least 1, so that saturated pixels stay white.
     pub fn gains(self) -> [f64; 3] {
         match self {
             Self::Gains(gains) => gains,
             Self::Kelvin(kelvin) => {
                 let light = planckian_rgb(kelvin);
                 let most = light.into_iter().fold(0.0, f64::max);
-                // The limit of 100 keeps the gain finite for a channel without light.
-                light.map(|channel| most / channel.max(0.01 * most))
+                // A channel without light counts as a hundredth of the brightest one.
+                light.map(|channel| most / channel.max(GAINS[0] * most))
             }
         }
     }
 }
 
-/// Returns the linear sRGB color of a black body by Kang et al. (2002), within 0.0003 in x and y.
+/// Returns the linear sRGB color of a black body at a temperature in K by Kang et al. (2002),
+/// within 0.0003 in x and y.
 fn planckian_rgb(kelvin: f64) -> [f64; 3] {
     fn cubic([a, b, c, d]: [f64; 4], t: f64) -> f64 {
         ((a * t + b) * t + c) * t + d

@@ -18,6 +18,9 @@ pub const SLOW_CLOCK: f64 = 84.0 / 85.0;
 /// Gravitational acceleration in m/s², rounded as in the firmware and by the AE483 team.
 pub const GRAVITY_M_S2: f64 = 9.81;
 
+/// Number of motors, each of which drives one rotor.
+pub const N_MOTORS: f64 = 4.0;
+
 /// Signs with which the motors (columns m1…m4) contribute to the torques about body x, y and z and
 /// to the thrust (rows).
 ///

@@ -175,7 +175,8 @@ impl Release {
     }
 }
 
-/// Parses the year and month of a version such as `2025.12` or `2025.12.1`, or returns `None`.
+/// Parses the year and the month of a version such as `2025.12` or `2025.12.1`, or returns `None`
+/// for another form.
 fn year_and_month(name: &str) -> Option<(u32, u32)> {
     let parts: Vec<&str> = name.splitn(3, '.').collect();
     let (year, month) = (parts[0], parts.get(1)?);

@@ -17,7 +17,8 @@ pub fn bring(name: &str, bytes: Vec<u8>) {
 pub(super) struct File(Cursor<Vec<u8>>);
 
 impl File {
-    /// Opens a stored file. Returns `NotFound` for any other name.
+    /// Opens a file that the page has stored under this path. Returns `NotFound` for any other
+    /// name.
     pub(super) fn open(path: &Path) -> Result<Self> {
         let brought = BROUGHT.lock().unwrap_or_else(PoisonError::into_inner);
         let bytes = brought.get(path).ok_or(Error::from(ErrorKind::NotFound))?;

@@ -10,7 +10,9 @@ use crate::error::{Error, Result};
 const MAX_STEPS: u64 = 1_000_000_000;
 
 /// Maximum memory for an input in bytes, including temporary copies during reading.
-const MAX_BYTES: u64 = 240 << 20;
+const MAX_BYTES: u64 = 240 * MIB;
+/// Number of bytes in a mebibyte.
+const MIB: u64 = 1 << 20;
 
 /// Work and memory that remain for an input, such as a file or a folder of files.
 ///
@@ -68,7 +70,7 @@ impl Budget {
         self.bytes_left.set((self.bytes_left.get() + bytes).min(MAX_BYTES));
     }
 
-    /// Checks that the budget was not exceeded.
+    /// Checks that no charge has exceeded the budget so far.
     ///
     /// # Errors
     ///
@@ -81,7 +83,7 @@ impl Budget {
                 ("more work than an input may cause", MAX_STEPS / 1_000_000, "million steps")
             }
             Some(Beyond::Bytes) => {
-                ("more data than an input may contain", MAX_BYTES >> 20, "MiB of memory")
+                ("more data than an input may contain", MAX_BYTES / MIB, "MiB of memory")
             }
         };
         let wanted = format!("at most {most} {unit}");
@@ -90,8 +92,9 @@ impl Budget {
             .in_file(&self.place, None))
     }
 
-    /// Charges an amount, unless the budget is already exceeded. Returns true if the budget is
-    /// still not exceeded.
+    /// Charges an amount against what is left, and notes `beyond` as the reason if that is too
+    /// little. Returns true if the budget is still not exceeded. Later charges do not change the
+    /// reason.
     fn spend(&self, left: &Cell<u64>, amount: usize, beyond: Beyond) -> bool {
         if self.beyond.get().is_none() {
             match left.get().checked_sub(amount as u64) {
@@ -106,8 +109,10 @@ impl Budget {
 /// Adds a value to a column of unknown length. The column's capacity grows by an eighth, because
 /// doubling it could use twice the memory that was charged.
 pub fn push<T>(column: &mut Vec<T>, value: T) {
+    // The constant part keeps the first values of a column from being copied at every push.
+    const FIRST_CAPACITY: usize = 64;
     if column.len() == column.capacity() {
-        column.reserve_exact(column.len() / 8 + 64);
+        column.reserve_exact(column.len() / 8 + FIRST_CAPACITY);
     }
     column.push(value);
 }

@@ -18,6 +18,10 @@ const STEPS_PER_CELL: usize = 60;
 /// Maximum number of distinct texts per column, and of characters per text, kept for messages.
 const MAX_TEXTS: usize = 4;
 const MAX_TEXT_CHARS: usize = 60;
+/// Number of characters of a line that a note shows.
+const MAX_NOTE_CHARS: usize = 40;
+/// Number of decimal digits that an `f64` represents exactly as a whole number.
+const EXACT_DIGITS: usize = 15;
 /// Maximum length in bytes of a unit, or of a name within a group, in the line below the titles.
 const MAX_UNIT_BYTES: usize = 8;
 
@@ -96,7 +100,8 @@ impl Separator {
         Self::Byte([b'\t', b';', b','].into_iter().max_by_key(count).unwrap_or(b','))
     }
 
-    /// Returns the cells of a line, trimmed but with their quotation marks.
+    /// Returns the cells of a line, trimmed but with their quotation marks. With [`Self::Blanks`],
+    /// several blanks separate as one, so that no cell is empty.
     pub fn cells(self, line: &[u8]) -> impl Iterator<Item = &[u8]> {
         // A separator within quotation marks belongs to its cell.
         let mut quoted = false;
@@ -149,7 +154,8 @@ fn lines(text: &[u8]) -> impl Iterator<Item = &[u8]> {
 }
 
 impl Head {
-    /// Finds the header of a table, the line of titles above the first row of numbers.
+    /// Finds the header of a table, which is the line of titles above the first row of numbers,
+    /// within the first 200 lines.
     pub fn find(text: &[u8]) -> Self {
         let lines: Vec<&[u8]> = lines(text).take(HEAD_LINES).collect();
         let rows = lines.iter().enumerate().filter(|(_, line)| !is_comment(line));
@@ -163,7 +169,8 @@ impl Head {
         }
     }
 
-    /// Returns the header above the first row of numbers, which is the line with index `row`.
+    /// Returns the header above the first row of numbers, which is the line with index `row` in the
+    /// lines of the file. Titles, units and names of groups are looked for in the lines above.
     fn above_row(lines: &[&[u8]], row: usize, separator: Separator) -> Self {
         let LinesAbove { filled, mut bare, fitting, both } =
             LinesAbove::sort(lines, row, separator);
@@ -192,7 +199,7 @@ impl Head {
         bare.retain(|index| ![title_line, unit_line].contains(&Some(*index)));
         let notes = bare.into_iter().map(|index| {
             let line = String::from_utf8_lossy(lines[index]);
-            let shown: String = line.trim().chars().take(40).collect();
+            let shown: String = line.trim().chars().take(MAX_NOTE_CHARS).collect();
             format!("line {} precedes the head and is not read: {shown}", index + 1)
         });
         let n_cells = separator.cells(lines[row]).count();
@@ -200,7 +207,8 @@ impl Head {
         Self { titles, n_columns, separator, row, notes: notes.collect() }
     }
 
-    /// Returns the header of a table without rows, its first line unless that is mostly numbers.
+    /// Returns the header of a table without rows, which is its first line unless that is mostly
+    /// numbers.
     fn without_rows(lines: &[&[u8]]) -> Self {
         let filled = lines.iter().enumerate().filter(|(_, line)| !line.trim_ascii().is_empty());
         let bare = filled.clone().find(|(_, line)| !is_comment(line));
@@ -216,7 +224,7 @@ impl Head {
         Self::named(titles, separator, first + 1)
     }
 
-    /// Creates a header from known titles.
+    /// Creates a header from known titles. `row` is the index of the line of the first row.
     pub fn named(titles: Vec<String>, separator: Separator, row: usize) -> Self {
         Self { n_columns: titles.len(), titles, separator, row, notes: Vec::new() }
     }
@@ -240,7 +248,7 @@ struct LinesAbove {
 }
 
 impl LinesAbove {
-    /// Classifies the lines above a row.
+    /// Classifies the lines above a row by their number of cells, and by whether they are comments.
     fn sort(lines: &[&[u8]], row: usize, separator: Separator) -> Self {
         let (n_filled, n_cells) =
             (separator.count(lines[row]), separator.cells(lines[row]).count());
@@ -264,7 +272,8 @@ impl LinesAbove {
     }
 }
 
-/// Appends the cells of a second line, which are units or names within groups, to the titles.
+/// Appends the cells of a second line to the titles. The cells are names within groups if
+/// `in_groups`, and units otherwise.
 fn add_units(titles: &mut [String], cells: &[String], in_groups: bool) {
     for (title, cell) in titles.iter_mut().zip(cells) {
         match cell.trim_matches(['[', ']', '(', ')']) {
@@ -333,8 +342,9 @@ impl Sheet {
         Ok(sheet)
     }
 
-    /// Adds the cells of a line, after `number` has parsed them. Returns false if the line has
-    /// fewer or more cells than the sheet has columns.
+    /// Adds the cells of a line, after `number` has parsed them from the column's index and the
+    /// cell. Returns false if the line has fewer or more cells than the sheet has columns, in which
+    /// case the first columns are longer than the others.
     fn push_row(
         &mut self,
         line: &[u8],
@@ -369,7 +379,8 @@ impl Sheet {
         self.lines.len()
     }
 
-    /// Returns the first text in a column that needs numbers, with its column and its line.
+    /// Returns the first text in a column that needs numbers, with its column and the number of its
+    /// line.
     pub fn first_text(
         &self,
         is_needed: impl Fn(&SheetColumn) -> bool,
@@ -381,7 +392,7 @@ impl Sheet {
 }
 
 impl SheetColumn {
-    /// Adds a row's cell to the column, as a number or as text.
+    /// Adds a row's cell to the column, as a number or, with the value NaN, as text.
     fn push(&mut self, value: Option<f64>, cell: &[u8], line: usize) {
         push(&mut self.values, value.unwrap_or(f64::NAN));
         if value.is_none() {
@@ -398,7 +409,7 @@ impl SheetColumn {
         }
     }
 
-    /// True if all cells are texts.
+    /// True if there are cells, and all of them are texts.
     pub fn is_text(&self) -> bool {
         self.n_texts > 0 && self.n_texts == self.values.len()
     }
@@ -436,7 +447,8 @@ struct NumberForm {
 }
 
 impl NumberForm {
-    /// Detects the decimal and thousands separators, or returns an error for an ambiguous comma.
+    /// Detects the decimal and thousands separators of a table. Returns an error if a comma could
+    /// be either.
     fn detect(text: &[u8], head: &Head) -> Result<Self> {
         // If commas separate cells, numbers contain commas only within quotation marks.
         let separates_by_commas = head.separator == Separator::Byte(b',');
@@ -489,11 +501,11 @@ impl NumberForm {
     }
 }
 
-/// Returns `sign` if this character separates thousands, or `None` if a number begins with zero or
-/// does not have exactly three digits after it. The character certainly separates thousands if its
-/// column also contains whole numbers below a thousand, or if a number contains it twice or
-/// contains both a comma and a point. Otherwise, a point is the decimal point, and a comma is an
-/// error.
+/// Returns `sign` if this character separates thousands. Returns `None` if a number begins with
+/// zero or does not have exactly three digits after the sign. The character certainly separates
+/// thousands if its column also contains whole numbers below a thousand, or if a number contains it
+/// twice or contains both a comma and a point. Otherwise, a point is the decimal point, and a comma
+/// is an error.
 fn thousands_separator<'a>(
     rows: impl Iterator<Item = &'a [u8]>,
     head: &Head,
@@ -569,7 +581,8 @@ fn is_date(cell: &[u8]) -> bool {
     digits && (points == 2 || cell.iter().any(|byte| matches!(byte, b':' | b'-' | b'/')))
 }
 
-/// Reads a line of only short numbers and separators into `row`. Returns `None` for any other line.
+/// Reads a line of only short numbers and separators into `row`, which has one place for each
+/// column. Returns `None` for any other line.
 fn plain_row(mut line: &[u8], separator: Separator, row: &mut [f64]) -> Option<()> {
     let Separator::Byte(separator) = separator else { return None };
     for (place, value) in row.iter_mut().enumerate() {
@@ -585,17 +598,16 @@ fn plain_row(mut line: &[u8], separator: Separator, row: &mut [f64]) -> Option<(
 const TENS: [f64; 16] =
     [1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15];
 
-/// Parses a number of up to 15 digits without an exponent at the beginning of a text, and returns
-/// it with its length in bytes. Returns `None` for any other text. The numerator and the
-/// denominator are exact, so only their quotient is rounded (Clinger 1990).
+/// Parses a number of up to [`EXACT_DIGITS`] digits without an exponent at the beginning of a text,
+/// and returns it with its length in bytes. Returns `None` for any other text. The numerator and
+/// the denominator are exact, so only their quotient is rounded (Clinger 1990).
 fn short_number(text: &[u8]) -> Option<(f64, usize)> {
     let is_negative = text.first() == Some(&b'-');
     // The digits are read as an integer, together with the position of the point.
     let (mut numerator, mut point) = (0_u64, None);
     let mut length = usize::from(is_negative);
     let begin = length;
-    // At most 15 digits and a point are read, because more digits may not be exact.
-    while let Some(byte) = text.get(length).filter(|_| length < begin + 16) {
+    while let Some(byte) = text.get(length).filter(|_| length < begin + EXACT_DIGITS + 1) {
         match byte {
             b'0'..=b'9' => numerator = 10 * numerator + u64::from(byte - b'0'),
             b'.' if point.is_none() => point = Some(length + 1),
@@ -607,7 +619,7 @@ fn short_number(text: &[u8]) -> Option<(f64, usize)> {
     let n_digits = length - begin - usize::from(point.is_some());
     let magnitude = numerator as f64 / TENS[point.map_or(0, |point| length - point)];
     let value = if is_negative { -magnitude } else { magnitude };
-    (1..=15).contains(&n_digits).then_some((value, length))
+    (1..=EXACT_DIGITS).contains(&n_digits).then_some((value, length))
 }
 
 #[cfg(test)]

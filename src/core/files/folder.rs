@@ -84,7 +84,8 @@ impl OutputFolder {
         self.write(name, content).map(drop)
     }
 
-    /// Stages a file that will be called `name`, with content from `write`, and returns its digest.
+    /// Stages a file that will be called `name`, with content from `write`, and returns its SHA-256
+    /// in hexadecimal. Returns [`Error::Io`] if it cannot be written.
     pub fn write_with(
         &mut self,
         name: &str,
@@ -136,7 +137,8 @@ impl OutputFolder {
         Ok(self.names.iter().map(|name| self.path.join(name)).collect())
     }
 
-    /// Prepares the rename of a staged file, which is copied if its target is on another disk.
+    /// Prepares the rename of a staged file, so that only a rename or a write to a device remains.
+    /// A file whose target is behind a link is copied beside that target.
     fn prepare(&self, name: &str) -> Result<Ready> {
         let (staged, path) = (self.staging.path().join(name), self.path.join(name));
         let target = match Place::for_path(&path) {
@@ -178,7 +180,7 @@ impl Ready {
         }
     }
 
-    /// Gives the file its final name, or writes it to its device, pipe or socket.
+    /// Gives the file its final name and permissions, or writes it to its device, pipe or socket.
     fn keep(self) -> Result<()> {
         let Self { staged, path, target } = self;
         let named = match target {

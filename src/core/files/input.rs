@@ -32,7 +32,7 @@ impl Limit {
         Ok(Bounded { file: file.take(self.bytes + 1), limit: self })
     }
 
-    /// Reads a file.
+    /// Reads a whole file of at most the limit.
     ///
     /// # Errors
     ///
@@ -108,7 +108,7 @@ impl Limit {
 }
 
 /// Returns the size in bytes of a file, or of all files in a folder. The size is 0 if it is
-/// unknown, as for a pipe.
+/// unknown, as for a pipe. Folders within the folder do not count.
 fn n_bytes(path: &Path) -> u64 {
     fn n_file_bytes(path: &Path) -> u64 {
         let metadata = std::fs::metadata(path).ok();
@@ -146,12 +146,14 @@ pub fn entries_in(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(paths)
 }
 
-/// Formats a size in MiB, KiB or bytes, rounded down.
+/// Returns a size as text in MiB, KiB or bytes, rounded down.
 fn size(bytes: u64) -> String {
+    const KIB: u64 = 1 << 10;
+    const MIB: u64 = 1 << 20;
     match bytes {
-        mib if mib >= 1 << 20 => format!("{} MiB", mib >> 20),
-        kib if kib >= 1 << 10 => format!("{} KiB", kib >> 10),
-        bytes => format!("{bytes} bytes"),
+        MIB.. => format!("{} MiB", bytes / MIB),
+        KIB.. => format!("{} KiB", bytes / KIB),
+        _ => format!("{bytes} bytes"),
     }
 }
 
@@ -162,7 +164,7 @@ struct Bounded {
 }
 
 impl Read for Bounded {
-    /// Reads up to the limit. Returns an error if the file is longer.
+    /// Reads into a buffer up to the limit. Returns an error if the file is longer.
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
         let n = self.file.read(buffer)?;
         if self.file.limit() == 0 && n > 0 {

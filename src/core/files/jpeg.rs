@@ -18,15 +18,20 @@ pub struct JpegFrame {
     pub has_end: bool,
 }
 
+/// Width and height of a coded block in pixels.
+const BLOCK_PX: u64 = 8;
+
 impl JpegFrame {
-    /// Parses the first frame of a file, or returns `None` if it has none.
+    /// Parses the first frame of a JPEG file (ITU-T T.81, B.2). Returns `None` if the file has
+    /// none.
     pub fn parse(bytes: &[u8]) -> Option<Self> {
         let mut rest = bytes.strip_prefix(b"\xff\xd8")?;
         loop {
             let [0xff, marker, high, low, ..] = *rest else { return None };
             let length = usize::from(u16::from_be_bytes([high, low]));
             match marker {
-                // Any number of 0xff bytes may precede a marker.
+                // Any number of 0xff bytes may precede a marker. A frame begins with SOF0, SOF1 or
+                // SOF2 (progressive). TEM, RST, SOI and EOI have no length, unlike all others.
                 0xff => rest = &rest[1..],
                 0xc0..=0xc2 => return Self::from_header(rest.get(4..)?, marker == 0xc2, bytes),
                 0x01 | 0xd0..=0xd9 => rest = &rest[2..],
@@ -35,18 +40,19 @@ impl JpegFrame {
         }
     }
 
-    /// Parses a header after its marker and length, or returns `None` if the header is cut off.
-    /// `bytes` is the whole file, whose scans are counted.
+    /// Parses a frame's header after its marker and length, or returns `None` if the header is cut
+    /// off. `progressive` is the kind of frame. `bytes` is the whole file, whose scans are counted.
     fn from_header(header: &[u8], progressive: bool, bytes: &[u8]) -> Option<Self> {
         let [_, h1, h0, w1, w0, n, ref components @ ..] = *header else { return None };
         let size_px = [[w1, w0], [h1, h0]].map(|side| u64::from(u16::from_be_bytes(side)));
         let components = components.get(..3 * usize::from(n))?;
         // Each component has a pair of 4-bit sampling factors, horizontal and vertical. The width
-        // and height of a coded unit are 8 times the largest factors.
+        // and height of a coded unit are the largest factors in blocks.
         let factors = components.chunks(3).map(|c| [c[1] >> 4, c[1] & 15].map(u64::from));
         let most = factors.clone().fold([1, 1], |a, b| [a[0].max(b[0]), a[1].max(b[1])]);
-        let units = |side: usize| size_px[side].div_ceil(8 * most[side]);
-        let samples = factors.map(|[h, v]| 64 * h * v * units(0) * units(1)).sum();
+        let units = |side: usize| size_px[side].div_ceil(BLOCK_PX * most[side]);
+        let per_block = BLOCK_PX * BLOCK_PX;
+        let samples = factors.map(|[h, v]| per_block * h * v * units(0) * units(1)).sum();
         // The data of a scan cannot contain the marker of another scan.
         let scans = bytes.windows(2).filter(|pair| *pair == [0xff, 0xda]).count() as u64;
         let has_end = header.windows(2).any(|pair| pair == [0xff, 0xd9]);

@@ -50,6 +50,8 @@ pub fn as_spelled(path: &Path) -> PathBuf {
     spelled(path).unwrap_or_else(|| path.to_owned())
 }
 
+/// Returns the only path with the same spelling apart from case and Unicode normalization, or
+/// `None` if there is none or more than one. Folders are compared in the same way.
 fn spelled(path: &Path) -> Option<PathBuf> {
     fn folded(path: &Path) -> String {
         file_name(path).nfc().collect::<String>().to_lowercase()

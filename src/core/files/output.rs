@@ -44,7 +44,7 @@ enum Sink {
 }
 
 impl Output {
-    /// Opens a file in an existing folder.
+    /// Opens a file in an existing folder, or standard output or a device for their names.
     ///
     /// # Errors
     ///
@@ -90,7 +90,8 @@ impl Output {
         self.finish(write, true)
     }
 
-    /// Writes the content. If `is_durable`, syncs the file to the disk and computes its digest.
+    /// Writes the content with `write`. If `is_durable`, syncs the file to the disk and computes
+    /// its digest, as is needed for a file that others refer to.
     fn finish(
         self,
         write: impl FnOnce(&mut Buffer<'_>) -> Written,
@@ -158,7 +159,8 @@ impl WholeFile {
         &self.sha256
     }
 
-    /// Gives the file its final name, and returns its path.
+    /// Gives the file its final name, and returns its path. The path of standard output is its
+    /// name.
     ///
     /// # Errors
     ///
@@ -196,7 +198,8 @@ impl WholeFile {
 }
 
 impl Sink {
-    /// Opens standard output, a device, or a staged file beside its final place.
+    /// Opens standard output, a device, or a staged file beside its final place, and returns the
+    /// errors of the system.
     fn open(path: &Path) -> std::io::Result<Self> {
         if STANDARD_OUTPUTS.iter().any(|name| path == Path::new(name)) {
             return Ok(Self::StandardOutput);
@@ -233,6 +236,7 @@ fn missing_folder(path: &Path, source: &std::io::Error) -> Option<Error> {
 }
 
 /// Returns the path that a link leads to, existing or not. Other paths are returned unchanged.
+/// Returns an error after [`MAX_LINKS`] links.
 fn followed(path: &Path) -> std::io::Result<PathBuf> {
     let mut path = path.to_owned();
     for _ in 0..MAX_LINKS {
@@ -244,8 +248,9 @@ fn followed(path: &Path) -> std::io::Result<PathBuf> {
     Err(std::io::Error::other("a cycle of symbolic links"))
 }
 
-/// Writes a file with `write`. Returns the file's digest, or an empty text if no digest is wanted.
-/// The digest is optional because computing it for a photograph takes a twelfth of the total time.
+/// Writes a file with `write`. If `is_digested`, returns the file's SHA-256 in hexadecimal, and
+/// otherwise an empty text. The digest is optional because computing it for a photograph takes a
+/// twelfth of the total time.
 fn write_buffered(
     file: &mut dyn Write,
     write: impl FnOnce(&mut Buffer<'_>) -> Written,

@@ -32,7 +32,8 @@ fn set_ordinary_mode(builder: &mut Builder<'_, '_>) {
 #[cfg(not(unix))]
 fn set_ordinary_mode(_: &mut Builder<'_, '_>) {}
 
-/// Creates a temporary file in a folder, with the mode of an ordinary file.
+/// Creates a locked temporary file in a folder, with the mode of an ordinary file, and removes
+/// temporary files of killed programs.
 pub(super) fn file_in(folder: &Path) -> Result<NamedTempFile> {
     remove_leftovers(folder);
     loop {
@@ -92,21 +93,24 @@ pub(super) fn locked(folder: &Path) -> Option<File> {
 pub(super) use locked as locked_soon;
 
 /// Locks a folder like [`locked`], but gives up after five seconds, because the program's caller
-/// may hold the lock forever.
+/// may hold the lock forever. Returns `None` without a lock.
 #[cfg(not(windows))]
 pub(super) fn locked_soon(folder: &Path) -> Option<File> {
+    const TRIES: u32 = 500;
+    const PAUSE: Duration = Duration::from_millis(10);
     let folder = File::open(folder).ok()?;
-    for _ in 0..500 {
+    for _ in 0..TRIES {
         match folder.try_lock() {
             Ok(()) => return Some(folder),
-            Err(std::fs::TryLockError::WouldBlock) => std::thread::sleep(Duration::from_millis(10)),
+            Err(std::fs::TryLockError::WouldBlock) => std::thread::sleep(PAUSE),
             Err(std::fs::TryLockError::Error(_)) => return None,
         }
     }
     None
 }
 
-/// Opens a file that no other program has open, and removes it when it is closed.
+/// Opens a file that no other program has open, creates it if `create`, and removes it when it is
+/// closed.
 #[cfg(windows)]
 fn only_here(path: &Path, create: bool) -> Result<File> {
     use std::os::windows::fs::OpenOptionsExt;
@@ -116,8 +120,9 @@ fn only_here(path: &Path, create: bool) -> Result<File> {
     options.open(path)
 }
 
-/// Removes a temporary file or folder of a program that has ended. The lock is held until the
-/// removal, because another program may have just created the file and may be about to lock it.
+/// Removes a temporary file or, if `is_folder`, a folder of a program that has ended. The lock is
+/// held until the removal, because another program may have just created the file and may be about
+/// to lock it.
 fn remove_left_behind(path: &Path, is_folder: bool) -> Result<()> {
     #[cfg(windows)]
     if is_folder {
@@ -132,7 +137,7 @@ fn remove_left_behind(path: &Path, is_folder: bool) -> Result<()> {
     if is_folder { std::fs::remove_dir_all(path) } else { std::fs::remove_file(path) }
 }
 
-/// Removes the temporary files of programs that have ended.
+/// Removes the temporary files and folders of programs that have ended. Failures have no effect.
 fn remove_leftovers(folder: &Path) {
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         let (name, path) = (entry.file_name(), entry.path());
@@ -194,7 +199,8 @@ pub(super) fn folder(path: &Path) -> &Path {
 pub(super) struct Former(Vec<(PathBuf, Option<TempPath>)>);
 
 impl Former {
-    /// Calls `replace`, which puts a file at `place`, and remembers the former file.
+    /// Calls `replace`, which puts a file at `place`, and keeps the former file under another name
+    /// so that it can be restored. Returns the result of `replace`.
     pub(super) fn replace<T, E>(
         &mut self,
         place: Option<PathBuf>,
@@ -221,7 +227,7 @@ impl Former {
 }
 
 impl Drop for Former {
-    /// Restores the former files in reverse order.
+    /// Restores the former files in reverse order, unless [`Self::forget`] has been called.
     fn drop(&mut self) {
         for (place, link) in self.0.drain(..).rev() {
             // A failure is ignored, because there is no other way to restore the file.

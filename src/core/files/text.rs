@@ -53,7 +53,8 @@ fn is_windows_1252(bytes: &[u8]) -> bool {
         && !bytes.iter().any(|byte| *byte < 0x20 && !byte.is_ascii_whitespace())
 }
 
-/// Decodes Windows-1252.
+/// Returns the text that bytes in Windows-1252 encode. The five bytes without a character become
+/// U+0000.
 fn from_windows_1252(bytes: &[u8]) -> String {
     let characters = bytes.iter().map(|byte| match byte {
         0x80..0xa0 => WINDOWS_1252.chars().nth(usize::from(byte - 0x80)).unwrap_or_default(),

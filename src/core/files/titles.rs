@@ -21,7 +21,7 @@ const UNITS_OF_TIME: [(&str, f64); 3] =
     [("min mins minute minutes", 60.0), ("h hr hrs hour hours", 3600.0), ("d day days", 86_400.0)];
 
 /// Returns the size of a unit in SI units, or `None` for an unknown name. Minutes, hours and days
-/// are recognized only if `is_time`.
+/// are recognized only if `is_time`, because `h` and `d` also name other quantities.
 pub fn unit(name: &str, is_time: bool) -> Option<f64> {
     let units_of_time = if is_time { &UNITS_OF_TIME[..] } else { &[] };
     let mut units = UNITS.iter().chain(units_of_time);

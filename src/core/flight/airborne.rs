@@ -57,14 +57,16 @@ pub fn airborne(flight: &Flight) -> Option<Range<usize>> {
 }
 
 impl FlightSample {
-    /// True if a motor is at either end of its range while at least one motor turns.
+    /// True if a motor is at either end of its range while at least one motor turns. `motor_max` is
+    /// the maximum command.
     pub fn is_saturated(&self, motor_max: f64) -> bool {
         let turns = self.motors.iter().any(|motor| *motor > 0.0);
         turns && self.motors.iter().any(|motor| *motor <= 0.0 || *motor >= motor_max)
     }
 }
 
-/// Returns the time in s during which a motor is at either end of its range.
+/// Returns the time in s during which a motor is at either end of its range, up to the command
+/// `motor_max`.
 pub fn saturated_s(samples: &[FlightSample], motor_max: f64) -> f64 {
     let pairs = samples.windows(2).filter(|pair| pair[0].is_saturated(motor_max));
     pairs.fold(0.0, |sum_s, pair| sum_s + pair[1].time_s - pair[0].time_s)

@@ -98,7 +98,8 @@ impl Flight {
         digest.hex()
     }
 
-    /// Returns the column of gaps, which is 1 in the first sample after a gap and 0 in others.
+    /// Returns the column of gaps for each sample, which is 1 in the first sample after a gap and 0
+    /// in others.
     fn after_gap(&self) -> Vec<f64> {
         let mut gaps = self.gaps.iter().peekable();
         let flags = self.samples.iter().map(|sample| {
@@ -182,12 +183,12 @@ fn gaps(flags: &[f64], samples: &[FlightSample]) -> Vec<[f64; 2]> {
 }
 
 /// Returns notes on columns whose names resemble that of a standard column. Returns an error if two
-/// columns have the same name.
+/// columns have the same name. Names are compared by their letters and digits.
 fn title_notes(table: &Table) -> Result<Vec<String>> {
     fn bare(text: &str) -> String {
         text.chars().filter(char::is_ascii_alphanumeric).collect::<String>().to_lowercase()
     }
-    // Names are compared only by their letters and digits.
+
     let standard = Quantity::TABLE.iter().flat_map(|(.., names)| *names);
     let standard = standard.chain(&[LETTER, GAP, TIME]).map(|name| (*name, bare(name)));
     let standard: Vec<(&str, String)> = standard.collect();
@@ -209,7 +210,8 @@ fn title_notes(table: &Table) -> Result<Vec<String>> {
     Ok(notes)
 }
 
-/// Checks that a column, if present, contains only whole numbers from 0 to `most`.
+/// Checks that a column, if present, contains only whole numbers from 0 to `most`. `wanted`
+/// describes such a number in the error.
 fn check_whole(table: &Table, name: &str, most: f64, wanted: &str) -> Result<()> {
     let is_odd = |(_, value): &(_, &f64)| value.fract() != 0.0 || !(0.0..=most).contains(*value);
     match table.find(name).unwrap_or_default().iter().enumerate().find(is_odd) {
@@ -240,7 +242,8 @@ impl FlightSample {
         numbers
     }
 
-    /// Makes a sample from its values in the order of the file.
+    /// Creates a sample from its values in the order of the file, as [`Self::numbers`] returns
+    /// them.
     pub fn from_numbers(n: [f64; N_NUMBERS]) -> Self {
         let vector = |place: usize| Vector3::from_column_slice(&n[place..place + 3]);
         Self {
@@ -257,7 +260,8 @@ impl FlightSample {
     }
 }
 
-/// Returns the light columns of a table, `light.<channel>` or `light`, with levels within 0..=1.
+/// Returns the light columns of a table, `light.<channel>` or `light`, by channel, with levels
+/// within 0..=1.
 ///
 /// # Errors
 ///

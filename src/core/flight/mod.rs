@@ -75,7 +75,8 @@ impl FlightData {
 }
 
 impl Rules for FlightData {
-    /// Checks times, numbers, lights, lengths of further columns, and gaps.
+    /// Checks that times do not decrease, that numbers are finite, and that lights, further columns
+    /// and gaps suit the samples.
     fn check(&self) -> Result<()> {
         check_times(self.samples.iter().map(|sample| sample.time_s))?;
         for (row, sample) in self.samples.iter().enumerate() {

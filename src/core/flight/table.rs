@@ -30,21 +30,25 @@ const LIMIT: Limit = Limit { bytes: 128 << 20, what: "a table", hint: SMALLER_HI
 
 /// Number of units of 1e-6 above which numbers are not rounded, because an `f64` is coarser there.
 const MAX_SCALED: f64 = 4.5e15;
+/// Number of steps of the grid of numbers in files per unit.
+const PER_UNIT: f64 = 1e6;
+/// Number of characters of a header that an error shows.
+const MAX_SHOWN: usize = 60;
 
-/// Rounds a number to a multiple of 1e-6, as files contain it. Negative zero becomes zero.
+/// Returns a number rounded to a multiple of 1e-6, as files contain it. Negative zero becomes zero.
 ///
 /// Numbers beyond 2^52 · 1e-6 are returned unchanged, because an `f64` has no finer digits there.
 #[inline(always)]
 pub fn on_grid(value: f64) -> f64 {
     // Adding and subtracting 2^52 rounds to the nearest whole number.
     const TWO_POW_52: f64 = 4_503_599_627_370_496.0;
-    let size = (value * 1e6).abs();
+    let size = (value * PER_UNIT).abs();
     let nearest = (size + TWO_POW_52) - TWO_POW_52;
     // Halves are rounded away from zero as by `round`, which is a function call on many processors.
     // The steps have no branch, so that the compiler can vectorize a row of numbers.
     let below = nearest - if nearest > size { 1.0 } else { 0.0 };
     let above = if size - below >= 0.5 { 1.0 } else { 0.0 };
-    let rounded = (below + above).copysign(value) / 1e6 + 0.0;
+    let rounded = (below + above).copysign(value) / PER_UNIT + 0.0;
     if size < MAX_SCALED { rounded } else { value }
 }
 
@@ -78,7 +82,8 @@ impl Table {
         Self::below(head, &text, file, |_| true)
     }
 
-    /// Reads the rows below a header. Columns for which `is_needed` is true must contain numbers.
+    /// Reads the rows below a header. `is_needed` returns true for the titles of columns that must
+    /// contain numbers. Texts in other columns become NaN.
     ///
     /// # Errors
     ///
@@ -122,7 +127,7 @@ impl Table {
         self.sheet.n_rows()
     }
 
-    /// Returns a column by name.
+    /// Returns the values of a column by name.
     ///
     /// # Errors
     ///
@@ -131,7 +136,7 @@ impl Table {
         self.find(name).ok_or_else(|| {
             let wanted = format!("a column {name}");
             let titles: Vec<&str> = self.columns_after("").map(|(title, _)| title).collect();
-            let first: String = titles.join(",").chars().take(60).collect();
+            let first: String = titles.join(",").chars().take(MAX_SHOWN).collect();
             Error::input("", first, wanted, REWRITE_HINT).in_file(&self.file, 1)
         })
     }
@@ -141,7 +146,7 @@ impl Table {
         Some(self.columns_after("").find(|(title, _)| *title == name)?.1)
     }
 
-    /// Returns a column by name if each of its numbers is within ±1e6.
+    /// Returns the values of a column by name if each of them is within ±1e6.
     ///
     /// # Errors
     ///
@@ -157,7 +162,7 @@ impl Table {
         }
     }
 
-    /// Returns the error for a value in a line of a column.
+    /// Returns the error for a value in a line of a column, with the file's name.
     pub(super) fn wrong(
         &self,
         name: &str,
@@ -195,8 +200,8 @@ impl Table {
         self.times_in(name, 1.0)
     }
 
-    /// Returns a column of times in units of `unit_s` seconds. Errors are those of
-    /// [`Self::times_s`].
+    /// Returns a column of times in units of `unit_s` seconds, which must not decrease. Errors are
+    /// those of [`Self::times_s`].
     pub fn times_in(&self, name: &str, unit_s: f64) -> Result<&[f64]> {
         let times = self.column(name)?;
         if times.is_empty() {
@@ -229,7 +234,7 @@ const SMALLER_HINT: &str = "reduce the sample rate of the log, or split the log 
 
 pub(super) const REWRITE_HINT: &str = "correct the file, or write it again with the program";
 
-/// Writes the header and the rows of a table, with numbers rounded to multiples of 1e-6.
+/// Writes the header and the rows of a table as CSV, with numbers rounded to multiples of 1e-6.
 ///
 /// # Errors
 ///
@@ -261,7 +266,7 @@ pub fn write_table(
 fn push_number(line: &mut Vec<u8>, value: f64) {
     /// Index of the decimal point, which leaves room for 17 digits before it and six after it.
     const POINT: usize = 17;
-    let scaled = (value * 1e6).abs();
+    let scaled = (value * PER_UNIT).abs();
     if scaled >= MAX_SCALED {
         line.extend_from_slice(value.to_string().as_bytes());
         return;

@@ -43,6 +43,7 @@ pub fn unit_of(timestamps: &[f64]) -> FoundUnit {
     let is_long =
         timestamps.last().is_some_and(|last| last - timestamps[0] > 1e3 * SHORTEST_FLIGHT_S);
     let unit_s = match step {
+        // A step above the slowest period in ns fits no unit, so seconds are assumed.
         step if step > 1e9 * SLOWEST_PERIOD_S => 1.0,
         step if step >= 1e6 => 1e-9,
         step if step >= 1e3 => 1e-6,

@@ -29,7 +29,7 @@ pub fn battery_empty() -> Diagnostic {
     Diagnostic::warning(BATTERY[1], "the battery was empty and the motors stopped")
 }
 
-/// Creates the warning that fewer than two base stations saw the drone.
+/// Creates the warning that fewer than two base stations saw the drone for `lasts_s` in total.
 pub fn unseen(lasts_s: f64) -> Diagnostic {
     let message = format!("fewer than two base stations saw the drone for {lasts_s:.2} s");
     Diagnostic::warning(UNSEEN, message)
@@ -44,6 +44,7 @@ pub fn host_silent(stopped_s: f64) -> Diagnostic {
 }
 
 /// Creates the warning that the drone stayed on the floor although its plan rises.
+/// `largest_command` is that of all motors, in 1/65535 of the range.
 pub fn grounded(largest_command: f64) -> Diagnostic {
     let message = format!(
         "the drone never left the floor: its motor commands reach {largest_command:.1} of 65535 (are they \

@@ -56,7 +56,7 @@ impl Attitude {
 }
 
 /// Returns the rotation from world vectors to camera vectors (x right, y down, z forward) for a
-/// camera that looks along `forward` with a level horizon.
+/// camera that looks along `forward` with a level horizon. The length of `forward` does not matter.
 ///
 /// If the camera looks straight up or down, the horizon is undefined, and right is world x.
 ///

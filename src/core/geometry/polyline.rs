@@ -9,12 +9,12 @@ pub fn bounds(points: impl IntoIterator<Item = [f64; 2]>) -> [f64; 4] {
     })
 }
 
-/// Returns the distance between two points.
+/// Returns the distance between two points, in their unit.
 pub fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
     libm::hypot(b[0] - a[0], b[1] - a[1])
 }
 
-/// Returns the distance of a point from a segment.
+/// Returns the distance of a point from a segment between two points, in the unit of the points.
 pub fn segment_distance([x, y]: [f64; 2], [[ax, ay], [bx, by]]: [[f64; 2]; 2]) -> f64 {
     let (dx, dy) = (bx - ax, by - ay);
     let square = dx * dx + dy * dy;
@@ -24,7 +24,8 @@ pub fn segment_distance([x, y]: [f64; 2], [[ax, ay], [bx, by]]: [[f64; 2]; 2]) -
     libm::hypot(x - ax - t * dx, y - ay - t * dy)
 }
 
-/// Returns the arc length from the first point of a line to each of its points.
+/// Returns the arc length from the first point of a line to each of its points, in the unit of the
+/// points.
 pub fn arc_lengths(line: &[[f64; 2]]) -> Vec<f64> {
     let mut arc_length = 0.0;
     let later = line.windows(2).map(|ends| {
@@ -40,7 +41,7 @@ pub fn polyline_length_m(points_m: &[[f64; 2]]) -> f64 {
 }
 
 /// Returns the indices of the points that remain when a line is simplified to within `error`
-/// (algorithm of Ramer, Douglas and Peucker).
+/// (algorithm of Ramer, Douglas and Peucker). The unit of `error` is that of the points.
 pub fn simplify(line: &[[f64; 2]], error: f64) -> Vec<usize> {
     if line.len() < 3 {
         return (0..line.len()).collect();
@@ -74,7 +75,8 @@ impl<const N: usize> Chords<N> {
     /// Chords of any slope.
     pub const ALL: Self = Self { least: [f64::NEG_INFINITY; N], greatest: [f64::INFINITY; N] };
 
-    /// Keeps only the chords whose offset after `elapsed_s` is between `low` and `high`.
+    /// Keeps only the chords whose offset after `elapsed_s` is between `low` and `high` on each
+    /// axis.
     pub fn keep_between(&mut self, low: [f64; N], high: [f64; N], elapsed_s: f64) {
         for i in 0..N {
             self.least[i] = self.least[i].max(low[i] / elapsed_s);

@@ -16,6 +16,9 @@ pub enum Solid {
     Plane(Vector3<f64>, Vector3<f64>),
 }
 
+/// Number of steps of the ternary search along a path, which narrow it to 5e-7 of the path.
+const SEARCH_STEPS: u32 = 36;
+
 impl Solid {
     /// Creates an upright pillar of infinite height.
     pub fn pillar([x_m, y_m]: [f64; 2], radius_m: f64) -> Self {
@@ -46,9 +49,9 @@ impl Solid {
             return None;
         }
         // The distance from a convex solid is a convex function along the path, so it has a single
-        // minimum. 36 steps narrow the search to 5e-7 of the path.
+        // minimum. Each step drops a third of the interval.
         let (mut low, mut high) = (0.0, 1.0);
-        for _ in 0..36 {
+        for _ in 0..SEARCH_STEPS {
             let [a, b] = [low + (high - low) / 3.0, high - (high - low) / 3.0];
             if distance_at(a) < distance_at(b) { high = b } else { low = a }
         }

@@ -84,18 +84,29 @@ pub enum Drive {
     ColorLed,
 }
 
+/// Shortest period of a blink in s, and its longest period and phase.
+const LEAST_PERIOD_S: f64 = 0.001;
+const MAX_S: f64 = 1e6;
+/// Highest rate of a flicker in Hz.
+const MAX_FLASHES_HZ: f64 = 1e4;
+/// Smallest and largest squared length of an axis.
+const AXIS_LENGTH_SQ: [f64; 2] = [1e-6, 1e6];
+/// Smallest and largest chromaticity y. The XYZ color divides by y, and no light is beyond 0.9.
+const CHROMATICITY_Y: [f64; 2] = [0.001, 0.9];
+
 impl Described for Drive {
-    /// Checks the numbers of a blink or a flicker.
+    /// Checks that the times of a blink and the rate and duration of a flicker are within their
+    /// ranges. Other drives have no numbers to check.
     fn check(&self, place: &str, _: Option<[f64; 2]>) -> Result<()> {
         // Each entry contains a key, a value, a minimum and a maximum.
         let ranges = match *self {
             Self::Blink { on_s, period_s, phase_s } => vec![
-                ("blink.period_s", period_s, 0.001, 1e6),
+                ("blink.period_s", period_s, LEAST_PERIOD_S, MAX_S),
                 ("blink.on_s", on_s, 0.0, period_s),
-                ("blink.phase_s", phase_s, -1e6, 1e6),
+                ("blink.phase_s", phase_s, -MAX_S, MAX_S),
             ],
             Self::Flicker { flashes_hz, flash_s } => vec![
-                ("flicker.flashes_hz", flashes_hz, 0.0, 1e4),
+                ("flicker.flashes_hz", flashes_hz, 0.0, MAX_FLASHES_HZ),
                 ("flicker.flash_s", flash_s, 0.0, 1.0),
             ],
             Self::Ring(_) | Self::ColorLed | Self::Command(_) | Self::Always => Vec::new(),
@@ -122,15 +133,21 @@ pub const RING_LEDS: usize = 12;
 
 impl Fixture {
     /// Checks that the axis is not zero, that the chromaticities are valid, and that parameter and
-    /// dies suit the drive. `key` names the table in messages.
+    /// dies suit the drive. `key` names the table in messages. Returns [`Error::Input`] with the
+    /// fixture's name.
     pub(super) fn check_drive(&self, key: &str) -> Result<()> {
         // Constraints across several numbers are checked first, followed by the parameter and the
         // number of dies that the drive requires.
         let place = |field: &str| format!("{key} `{}`: {field}", self.name);
         let length_sq: f64 = self.axis_body.iter().map(|value| value * value).sum();
-        within(&place("axis_body (length squared)"), length_sq, 1e-6, 1e6)?;
+        within(
+            &place("axis_body (length squared)"),
+            length_sq,
+            AXIS_LENGTH_SQ[0],
+            AXIS_LENGTH_SQ[1],
+        )?;
         for Die { chromaticity: [x, y], .. } in &self.dies {
-            within(&place("chromaticity y"), *y, 0.001, 0.9)?;
+            within(&place("chromaticity y"), *y, CHROMATICITY_Y[0], CHROMATICITY_Y[1])?;
             within(&place("chromaticity x + y"), x + y, 0.0, 1.0)?;
         }
         self.check_parameter(key)?;

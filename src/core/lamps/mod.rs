@@ -17,8 +17,8 @@ pub const RING_COLORS: [&str; 3] = ["ring.red", "ring.green", "ring.blue"];
 pub const COLOR_LED_COLORS: [&str; 4] =
     ["color-led.white", "color-led.red", "color-led.green", "color-led.blue"];
 
-/// Packs the bytes of a color, dimmed to a level from 0 to 1, into one number with the first byte
-/// most significant, as the decks' parameters require.
+/// Returns the bytes of a color, each dimmed to a level from 0 to 1, as one number whose first byte
+/// is the most significant, as the decks' parameters require.
 pub fn packed(bytes: &[u8], level: f64) -> u32 {
     #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
     let dimmed = |byte: u8| (f64::from(byte) * level.clamp(0.0, 1.0)).round() as u32;
@@ -35,7 +35,7 @@ pub fn ring_memory_rgb([red, green, blue]: [u8; 3]) -> [u8; 3] {
     [five_bits(red), six_bits(green), five_bits(blue)]
 }
 
-/// Returns the byte for a value that is scaled by 64.
+/// Returns the byte for a color value of the firmware's expansion, which is scaled by 64.
 fn expanded(scaled: u32) -> u8 {
     u8::try_from(scaled >> 6).unwrap_or(u8::MAX)
 }

@@ -122,7 +122,7 @@ impl LightOptions {
         }
     }
 
-    /// Checks that all settings are within their ranges.
+    /// Checks that all settings are within their ranges, and that the fixtures suit their drives.
     ///
     /// # Errors
     ///

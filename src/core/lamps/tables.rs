@@ -24,7 +24,8 @@ settings! {
 }
 
 impl Deck {
-    /// Returns the deck's lamps, and the channel that drives it unless the scene names others.
+    /// Returns the deck's lamps, and the name of the channel that drives it unless the scene names
+    /// others.
     fn row(self) -> (Vec<Fixture>, &'static str) {
         match self {
             Self::LedRing => (led_ring(), HEADLIGHTS),
@@ -58,6 +59,7 @@ const WHITE: [f64; 2] = [0.3127, 0.329];
 const HEADLIGHT: [f64; 2] = [0.31, 0.335];
 
 /// Returns the LEDs on the board of a Crazyflie 2.x, which appear in pictures but not in plans.
+/// Positions are in m in the body frame, and intensities in cd.
 ///
 /// The blue power LEDs at the rear (M2, M3) are always lit. The red status LED at the front right
 /// (M1) is lit for 50 ms of every 0.5 s once the sensors are calibrated (`seq_calibrated_def`,
@@ -112,7 +114,8 @@ pub fn crazyflie() -> Vec<Fixture> {
     rows
 }
 
-/// Returns a part of the drone that reflects the light of an LED on the board.
+/// Returns the fixture for a part of the drone that reflects the light of an LED on the board.
+/// `fraction` is the reflected part of the LED's intensity.
 ///
 /// In the team's photograph, a fainter strand runs beside each blue one, and a fainter dot appears
 /// beside each red one, 13 to 15 mm farther from the middle of the drone. In the fainter strand,
@@ -187,16 +190,18 @@ pub fn led_ring() -> Vec<Fixture> {
 /// (`vehicle.arm_m`).
 const MOTOR_M: f64 = 0.0325;
 
-/// Returns the position of an LED of the ring. The LEDs are 30° apart, clockwise on a circle of
-/// 13.7 mm, rounded to 0.01 mm, 12 mm below the drone's middle.
+/// Returns the position in m of an LED of the ring in the body frame. The LEDs are 30° apart,
+/// clockwise on a circle of 13.7 mm, rounded to 0.01 mm, 12 mm below the drone's middle.
 fn ring_position_body_m(led: usize) -> [f64; 3] {
     let (sin, cos) = libm::sincos(led as f64 * core::f64::consts::FRAC_PI_6);
     // Adding zero turns a negative zero into zero.
+    // The radius is in units of 0.01 mm, of which there are 1e5 in a meter.
     let [forward_m, left_m] = [cos, -sin].map(|part| (1370.0 * part).round() / 1e5 + 0.0);
     [forward_m, left_m, -0.012]
 }
 
-/// Returns a headlight of the ring deck, at a distance `left_m` to the left of the center.
+/// Returns a headlight of the ring deck, at a distance `left_m` to the left of the center, with 1.8
+/// cd along its axis.
 fn headlight(name: &str, left_m: f64) -> Fixture {
     Fixture {
         name: name.into(),
@@ -241,6 +246,7 @@ pub fn color_led() -> Vec<Fixture> {
 /// Intensity in cd below the color LED deck per lumen of a die.
 const DIFFUSED: f64 = 0.7 / 4.7;
 
+/// Returns a die of an intensity straight ahead and a chromaticity (CIE 1931 x and y).
 fn die(intensity_cd: f64, chromaticity: [f64; 2]) -> Die {
     Die { intensity_cd, chromaticity }
 }

@@ -31,7 +31,8 @@ const LIT_COLUMN: &str = "lit";
 const YAW_COLUMN: &str = "yaw_rad";
 
 impl Plan {
-    /// Writes the plan as CSV, with numbers rounded to multiples of 1e-6.
+    /// Writes the plan as CSV, with numbers rounded to multiples of 1e-6. Columns that the plan
+    /// does not use are left out.
     ///
     /// # Errors
     ///
@@ -79,8 +80,9 @@ impl Plan {
         Self::from_table(&Table::parse(csv, file)?)
     }
 
-    /// Converts the table of a plan file to a plan. A table with notes is refused, because the
-    /// program never writes a plan that causes notes.
+    /// Converts the table of a plan file to a plan. Returns an error for a missing or invalid
+    /// column. A table with notes is refused, because the program never writes a plan that causes
+    /// notes.
     fn from_table(table: &Table) -> Result<Self> {
         if let Some(note) = table.notes().first() {
             let (wanted, hint) =
@@ -142,7 +144,8 @@ fn optional_column(table: &Table, name: &str) -> Result<Vec<f64>> {
     if table.has(name) { table.quantity(name).map(<[f64]>::to_vec) } else { Ok(Vec::new()) }
 }
 
-/// Returns three columns as vectors, or an empty list if the table lacks the first.
+/// Returns three columns as a vector for each row, or an empty list if the table lacks the first.
+/// Returns an error if one of the others is missing.
 fn optional_vectors(table: &Table, names: [&str; 3]) -> Result<Vec<Vector3<f64>>> {
     if !table.has(names[0]) {
         return Ok(Vec::new());

@@ -97,7 +97,8 @@ impl PlanData {
         self.setpoints.get(self.row_at(time_s))
     }
 
-    /// Returns the position of the design at a time, or the origin for an empty plan.
+    /// Returns the position of the design in m at a time, or the origin for an empty plan. Before
+    /// the first setpoint, this is its position.
     pub fn design_m(&self, time_s: f64) -> Vector3<f64> {
         match self.setpoint_at(time_s) {
             Some(setpoint) => setpoint.design_m(time_s.max(setpoint.time_s)),
@@ -114,7 +115,8 @@ impl PlanData {
         })
     }
 
-    /// Returns the light level commanded at each setpoint, which is the highest of all lamps.
+    /// Returns the light level, 0 to 1, commanded at each setpoint, which is the highest of all
+    /// lamps.
     pub fn commanded(&self) -> Vec<f64> {
         let mut highest = vec![0.0; self.setpoints.len()];
         for (_, levels) in self.lamps() {
@@ -152,7 +154,8 @@ impl PlanData {
 }
 
 impl Rules for PlanData {
-    /// Checks times, numbers, lights, and the lengths of optional columns.
+    /// Checks that times do not decrease, that numbers are finite, and that lights and optional
+    /// columns suit the setpoints.
     fn check(&self) -> Result<()> {
         // Setpoints are checked row by row, followed by the columns beside them.
         let n = self.setpoints.len();

@@ -6,12 +6,13 @@
 
 use std::f64::consts::FRAC_2_PI;
 
-/// Returns the number whose upper 32 bits are `word` and whose lower bits are zero.
+/// Returns the number whose upper 32 bits are `word` and whose lower bits are zero, as msun's
+/// `SET_HIGH_WORD` does.
 const fn high(word: u64) -> f64 {
     f64::from_bits(word << 32)
 }
 
-/// Returns the natural logarithm of a normal number (msun `e_log.c`).
+/// Returns the natural logarithm of a positive normal number (msun `e_log.c`).
 #[inline(always)]
 pub(super) fn ln(x: f64) -> f64 {
     const LN2: [f64; 2] = [6.931_471_803_691_238e-1, 1.908_214_929_270_587_7e-10];
@@ -66,7 +67,8 @@ const C: [f64; 6] = [
     -1.135_964_755_778_819_5e-11,
 ];
 
-/// Returns sine and cosine of an angle in 0 to 2π that is not hard (`s_sincos.c`, `e_rem_pio2.c`).
+/// Returns the sine and the cosine of an angle in rad, from 0 to 2π, that is not hard
+/// (`s_sincos.c`, `e_rem_pio2.c`).
 #[inline(always)]
 pub(super) fn sincos(x: f64) -> (f64, f64) {
     const QUARTER: [f64; 2] = [1.570_796_326_734_125_6, 6.077_100_506_506_192e-11];
@@ -101,8 +103,8 @@ pub(super) fn sincos(x: f64) -> (f64, f64) {
     (sine, cosine)
 }
 
-/// Returns the cosine of an angle within ±10⁶, which is reduced in three parts (Cody, Waite, 1980).
-/// The error is at most 3·10⁻¹⁶ plus the rounding of the angle.
+/// Returns the cosine of an angle in rad within ±10⁶, which is reduced in three parts (Cody, Waite,
+/// 1980). The error is at most 3·10⁻¹⁶ plus the rounding of the angle.
 #[inline(always)]
 pub(super) fn cos(x: f64) -> f64 {
     const QUARTER: [f64; 3] =

@@ -60,7 +60,7 @@ impl Noise {
         radius * cos
     }
 
-    /// Draws three independent, normally distributed numbers.
+    /// Draws three independent numbers of the standard normal distribution.
     pub fn normals(&mut self) -> Vector3<f64> {
         Vector3::from_fn(|_, _| self.normal())
     }
@@ -86,7 +86,8 @@ struct Wave {
 }
 
 impl<const N: usize> Field<N> {
-    /// Creates a field with the standard deviation `sigma` and the correlation length `length_m`.
+    /// Creates a field with the standard deviation `sigma`, in the unit of its values, and the
+    /// correlation length `length_m`.
     pub fn new(noise: &mut Noise, sigma: f64, length_m: f64) -> Self {
         let waves = [(); N].map(|()| {
             [(); WAVES].map(|()| Wave {
@@ -104,7 +105,7 @@ impl<const N: usize> Field<N> {
         SVector::from_fn(|component, _| self.component(component, position_m))
     }
 
-    /// Returns one component of the field at a position.
+    /// Returns one component of the field at a position, in the unit of the field's values.
     pub fn component(&self, component: usize, position_m: &Vector3<f64>) -> f64 {
         let heights = crate::dispatch(Heights(&self.waves[component], position_m));
         self.amplitude * heights.iter().sum::<f64>()
@@ -117,6 +118,7 @@ struct Heights<'a>(&'a [Wave; WAVES], &'a Vector3<f64>);
 impl NullaryFnOnce for Heights<'_> {
     type Output = [f64; WAVES];
 
+    /// Returns the height of each wave at the place, from −1 to 1.
     #[inline(always)]
     fn call(self) -> [f64; WAVES] {
         let Self(waves, place) = self;

@@ -32,7 +32,7 @@ impl Normals {
         Self { rng: noise.rng, block, drawn: 2 * PAIRS }
     }
 
-    /// Draws the next number.
+    /// Draws the next number, with mean 0 and variance 1.
     #[expect(clippy::should_implement_trait, reason = "a stream without end")]
     #[inline]
     pub fn next(&mut self) -> f64 {
@@ -44,13 +44,14 @@ impl Normals {
         if is_second { self.block.sines[pair] } else { self.block.cosines[pair] }
     }
 
-    /// Draws three independent numbers.
+    /// Draws three independent numbers of the standard normal distribution.
     #[inline]
     pub fn next_three(&mut self) -> Vector3<f64> {
         Vector3::from_fn(|_, _| self.next())
     }
 
-    /// Computes the next block of normally distributed numbers.
+    /// Draws the next block of uniform numbers, and computes normally distributed numbers from
+    /// them.
     fn fill(&mut self) {
         let mut bytes = [0; 16 * PAIRS];
         self.rng.fill_bytes(&mut bytes);
@@ -79,9 +80,10 @@ struct Fill<'a> {
 impl pulp::NullaryFnOnce for Fill<'_> {
     type Output = ();
 
+    /// Fills the block from the drawn numbers, by the method of Box and Muller (1958).
     #[inline(always)]
     fn call(self) {
-        // The method of Box and Muller (1958) uses the radius √(−2 ln(1 − u₁)) and the angle 2π u₂.
+        // The radius is √(−2 ln(1 − u₁)), and the angle is 2π u₂.
         // Hard angles are corrected after the loop, so that the loop has no branch.
         let mut radii = [0.0; PAIRS];
         let mut hard = [false; PAIRS];
@@ -101,7 +103,7 @@ impl pulp::NullaryFnOnce for Fill<'_> {
 }
 
 /// Returns a uniformly distributed number in `[0, 1)` from 64 random bits, of which it uses the
-/// first 53 as `rand` does.
+/// first 53, as many as an `f64` has, in the same way as `rand`.
 #[inline(always)]
 fn uniform(bits: u64) -> f64 {
     let whole = (bits >> 11) as f64;

@@ -27,7 +27,9 @@ pub(super) struct Axis {
 pub(super) type Path = Vec<usize>;
 
 impl Axis {
-    /// Returns the axis of the ink inside an outline. The axis is empty if there is no ink.
+    /// Returns the axis of the ink inside an outline, in cap heights. The samples on the outline
+    /// are the corners of triangles, whose circumcenters in the ink are the nodes. The axis is
+    /// empty if there is no ink.
     pub(super) fn new(ink_edges: &[Vec<[f64; 2]>], ink: &Filled<'_>) -> Self {
         // Otherwise, contours with a common edge would have samples that differ only by rounding.
         let samples = ink_edges
@@ -69,12 +71,12 @@ impl Axis {
         self.neighbors[node].len()
     }
 
-    /// Returns the length of a path along its nodes.
+    /// Returns the length in cap heights of a path along its nodes.
     pub(super) fn length(&self, path: &[usize]) -> f64 {
         path.windows(2).map(|step| self.distance(step[0], step[1])).sum()
     }
 
-    /// Returns the distance between two nodes.
+    /// Returns the distance in cap heights between two nodes.
     pub(super) fn distance(&self, a: usize, b: usize) -> f64 {
         distance(self.middles[a], self.middles[b])
     }
@@ -95,8 +97,8 @@ impl Axis {
         }
     }
 
-    /// Returns the unit vector from a node to the point at distance `length` along the path through
-    /// a neighbor, or to the end of a shorter path.
+    /// Returns the unit vector from a node to the point at distance `length` in cap heights along
+    /// the path through a neighbor, or to the end of a shorter path.
     pub(super) fn heading(&self, from: usize, through: usize, length: f64) -> [f64; 2] {
         let path = self.path(from, through, &|node| self.degree(node) != 2);
         let mut walked = 0.0;
@@ -137,7 +139,7 @@ impl Axis {
         paths
     }
 
-    /// Removes the links along a path.
+    /// Removes the links between the nodes that follow each other on a path.
     pub(super) fn cut(&mut self, path: &[usize]) {
         for step in path.windows(2) {
             self.neighbors[step[0]].retain(|node| *node != step[1]);

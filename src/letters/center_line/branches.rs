@@ -61,7 +61,8 @@ impl Branch {
         Self { points, radii, ..Self::default() }
     }
 
-    /// Reverses the branch if `tail` is true. A second call restores the order.
+    /// Reverses the branch if `tail` is true, so that its last point comes first. A second call
+    /// restores the order.
     fn turn(&mut self, tail: bool) {
         if tail {
             self.points.reverse();
@@ -69,8 +70,9 @@ impl Branch {
         }
     }
 
-    /// Cuts off the points near an end that a junction of the given radius displaces. Returns the
-    /// arm that starts at the first remaining point.
+    /// Cuts off the points near an end that a junction of the given radius in cap heights
+    /// displaces. The end is the last point if `tail` is true. Returns the arm that starts at the
+    /// first remaining point.
     pub(super) fn trim(&mut self, branch: usize, tail: bool, radius: f64) -> Arm {
         self.turn(tail);
         // The axis bulges at a junction, so the branch is used only after its radius has settled.
@@ -95,7 +97,8 @@ impl Branch {
         Arm { branch, tail, from, away, radius: median_radius }
     }
 
-    /// Turns a straight branch about its other end, so that it ends at `to` instead of `from`.
+    /// Turns a straight branch about its other end, so that it ends at `to` instead of `from`. The
+    /// end is the last point if `tail` is true.
     pub(super) fn aim(&mut self, tail: bool, from: [f64; 2], to: [f64; 2]) {
         self.turn(tail);
         let along = arc_lengths(&[&[from][..], &self.points].concat());
@@ -130,7 +133,7 @@ pub(super) fn chain(branches: &mut [Branch]) -> Vec<Vec<Knot>> {
 }
 
 /// Follows connected branches from an end of one of them, marks them as used, and returns their
-/// line.
+/// line. The end is the last point of the branch `begin` if `tail` is true.
 fn follow(branches: &mut [Branch], begin: usize, tail: bool) -> Vec<Knot> {
     let mut line: Vec<Knot> = Vec::new();
     let (mut index, mut enters_by_tail) = (begin, tail);
@@ -150,8 +153,10 @@ fn follow(branches: &mut [Branch], begin: usize, tail: bool) -> Vec<Knot> {
             None => break,
         }
     }
+    /// Distance in cap heights up to which two knots differ only by rounding.
+    const SAME: f64 = 1e-9;
     line.dedup_by(|a, b| {
-        let same = distance(a.position, b.position) <= 1e-9;
+        let same = distance(a.position, b.position) <= SAME;
         b.corner |= same && a.corner;
         same
     });

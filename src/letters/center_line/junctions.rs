@@ -87,7 +87,8 @@ fn root(cluster_of: &[usize], mut node: usize) -> usize {
     node
 }
 
-/// Returns the smallest node in each node's cluster of junctions, with true for each path in one.
+/// Returns for each node the smallest node in its cluster of junctions. Also returns for each path
+/// whether it is inside a cluster.
 fn clusters(axis: &Axis, paths: &[Path]) -> (Vec<usize>, Vec<bool>) {
     let mut cluster_of: Vec<usize> = (0..axis.middles.len()).collect();
     let mut is_inner = vec![false; paths.len()];
@@ -124,15 +125,16 @@ impl Joint<'_> {
     /// as far as a pen of its width stays in the ink, and the ends are averaged. If any arms are
     /// vertical or horizontal, only these are averaged, so that they stay straight.
     fn meeting_point(&self, arms: &[Arm], crossing: [f64; 2]) -> [f64; 2] {
+        const STEPS: u32 = 40;
         let mut upright: Vec<&Arm> = arms.iter().collect();
         upright.retain(|arm| arm.away[0].abs().min(arm.away[1].abs()) < UPRIGHT);
         if upright.is_empty() {
             upright.extend(arms);
         }
         let ends = upright.iter().map(|arm| {
-            // Selects the farthest of 40 even steps at which the pen's end is still in the ink.
+            // Selects the farthest of even steps at which the pen's end is still in the ink.
             let reach = dot(minus(crossing, arm.from), arm.away).min(0.0);
-            let mut steps = (0..=40).rev().map(|k| reach * f64::from(k) / 40.0);
+            let mut steps = (0..=STEPS).rev().map(|k| reach * f64::from(k) / f64::from(STEPS));
             let inked = steps.find(|s| self.ink.holds(ahead(arm.from, arm.away, s - arm.radius)));
             ahead(arm.from, arm.away, inked.unwrap_or(0.0))
         });
@@ -203,8 +205,8 @@ fn join(branches: &mut [Branch], arms: [&Arm; 2], knots: [Vec<Knot>; 2]) {
     }
 }
 
-/// Returns the indices of the pair of free arms with the smallest turn from one into the other, or
-/// `None` if the cosine of that turn does not exceed the limit.
+/// Returns the indices of the pair of free arms with the smallest turn from one into the other.
+/// Returns `None` if the cosine of that turn does not exceed the limit.
 fn straightest(arms: &[Arm], free: &[usize], limit: f64) -> Option<(usize, usize)> {
     let pairs = free.iter().enumerate().flat_map(|(i, a)| free[i + 1..].iter().map(|b| (*a, *b)));
     let turns = pairs.map(|(a, b)| ((a, b), -dot(arms[a].away, arms[b].away)));
@@ -212,12 +214,15 @@ fn straightest(arms: &[Arm], free: &[usize], limit: f64) -> Option<(usize, usize
     best.filter(|(_, cosine)| *cosine > limit).map(|(pair, _)| pair)
 }
 
-/// Returns the 17 points of a cubic Bézier curve that continues one arm smoothly into another.
+/// Returns the points of a cubic Bézier curve that continues arm `a` smoothly into arm `b`, from
+/// the end of `a` to that of `b`.
 fn curve(a: &Arm, b: &Arm) -> Vec<[f64; 2]> {
+    /// Number of straight pieces of a curve.
+    const PIECES: u32 = 16;
     // The control points extend each arm by a third of the distance between the arms.
     let third = distance(a.from, b.from) / 3.0;
-    Vec::from_iter((0..=16).map(|k| {
-        let t = f64::from(k) / 16.0;
+    Vec::from_iter((0..=PIECES).map(|k| {
+        let t = f64::from(k) / f64::from(PIECES);
         let s = 1.0 - t;
         [0, 1].map(|i| {
             let (c, d) = (a.from[i] - third * a.away[i], b.from[i] - third * b.away[i]);
@@ -229,7 +234,8 @@ fn curve(a: &Arm, b: &Arm) -> Vec<[f64; 2]> {
     }))
 }
 
-/// Returns the point nearest to the lines of all arms, or `None` if they are nearly parallel.
+/// Returns the point nearest to the lines of all arms in the least-squares sense, or `None` if they
+/// are nearly parallel.
 fn crossing(arms: &[Arm]) -> Option<[f64; 2]> {
     // These are the normal equations of least squares for n · p = offset over all normals n.
     let (mut a, mut b, mut c, mut d, mut e) = (0.0, 0.0, 0.0, 0.0, 0.0);

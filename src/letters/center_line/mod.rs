@@ -103,6 +103,7 @@ pub(super) fn center_lines(contours: &[Contour], budget: &Budget) -> CenterLines
 }
 
 /// Replaces a connected part's lines with a dot if the part is short relative to its radius.
+/// `half_width` is half the usual width of strokes, in cap heights.
 fn replace_blob(
     part: &[usize],
     axis: &Axis,
@@ -123,7 +124,8 @@ fn replace_blob(
     }
 }
 
-/// Returns the total length of the links between nodes. Each link is listed at both of its nodes.
+/// Returns the total length in cap heights of the links between nodes. Each link is listed at both
+/// of its nodes.
 fn axis_length(axis: &Axis, nodes: &[usize], links: &[Vec<usize>]) -> f64 {
     let pairs = nodes.iter().flat_map(|node| links[*node].iter().map(|other| (*node, *other)));
     pairs.map(|(a, b)| 0.5 * axis.distance(a, b)).sum()
@@ -135,12 +137,15 @@ pub(super) fn outlines(contours: &[Contour], budget: &Budget) -> Vec<Vec<[f64; 2
     ink_edges.iter().map(|run| simplified(run, FLATNESS)).collect()
 }
 
-/// Returns an invisibly short vertical line, which represents a dot.
+/// Returns a vertical line of `length` with its middle at a point. The line is too short to be
+/// seen, and represents a dot.
 pub(super) fn dot([x, y]: [f64; 2], length: f64) -> Vec<[f64; 2]> {
     vec![[x, y + 0.5 * length], [x, y - 0.5 * length]]
 }
 
-/// Returns the length of the axis's longest part whose discs no line enters, or 0 if it is short.
+/// Returns the length in cap heights of the axis's longest part whose discs no line enters, or 0 if
+/// it is short. `unpruned` contains the neighbors of each node before pruning, and `half_width` is
+/// half the width of the strokes.
 fn lost_length(
     axis: &Axis,
     unpruned: &[Vec<usize>],
@@ -182,8 +187,8 @@ fn parts(neighbors: &[Vec<usize>]) -> Vec<Vec<usize>> {
     parts
 }
 
-/// Smooths a line between its corners and simplifies it. If the budget is spent, only its start is
-/// returned.
+/// Smooths a line between its corners and simplifies it, in cap heights. If the budget is spent,
+/// only its start is returned.
 fn fit(line: &[Knot], budget: &Budget) -> Vec<[f64; 2]> {
     let closed = line.len() > 3 && line[0].position == line[line.len() - 1].position;
     let mut line = line.to_vec();

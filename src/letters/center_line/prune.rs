@@ -62,8 +62,8 @@ pub(super) fn prune(axis: &mut Axis, budget: &Budget) -> Vec<bool> {
     bends
 }
 
-/// Charges to the budget one walk from every end, each of which may visit all nodes. Returns false
-/// if the budget is spent.
+/// Charges to the budget one walk from every end, each of which may visit all nodes. False if the
+/// budget is spent.
 fn spend_walks(axis: &Axis, budget: &Budget) -> bool {
     let ends = (0..axis.middles.len()).filter(|node| axis.degree(*node) == 1);
     budget.spend_steps(STEPS_PER_NODE * (axis.middles.len() + 10 * ends.count()))

@@ -85,7 +85,7 @@ impl<'a> Patch<'a> {
         Self { contours, unit_px, bounds_px, width, center, pen_px, penned, budget }
     }
 
-    /// Returns the patch's outline in pixels.
+    /// Returns the edges of the patch's ink in pixels, each a polyline.
     pub(super) fn outline(&self) -> Vec<Vec<[f64; 2]>> {
         self.in_pixels(outlines(&self.contours, self.budget))
     }
@@ -125,7 +125,7 @@ fn size([left, bottom, right, top]: [f64; 4]) -> f64 {
 }
 
 /// Estimates, on a grid, the intersection over union of the ink inside contours and of a pen along
-/// their center lines. Returns 0 if the lines are short or the budget is spent.
+/// their center lines, 0 to 1. Returns 0 if the lines are short or the budget is spent.
 fn pen_overlap(contours: &[Contour], center: &CenterLines, budget: &Budget) -> f64 {
     let segments: Vec<[[f64; 2]; 2]> =
         center.lines.iter().flat_map(|line| segments(line)).collect();

@@ -107,7 +107,8 @@ pub(super) fn read(
     Ok(Warned { product: Traced { lines, corners_px: corners, in_file }, warnings })
 }
 
-/// Returns the center lines or outlines of patches of ink, in pixels.
+/// Returns the center lines or outlines of patches of ink, in pixels. `size` gives the size of a
+/// pixel in cap heights, from the bounds of the ink. Returns the error of a spent budget.
 fn lines(
     patches: Vec<Vec<Contour>>,
     trace: Trace,
@@ -170,8 +171,9 @@ fn unreadable(file: &str, cause: impl std::fmt::Display) -> Error {
     Error::input(file, cause, wanted, "choose another file, or save the picture as a smaller PNG")
 }
 
-/// Returns the picture upright, opaque and downscaled, the size of its pixels in pixels of the
-/// file, and true if it had a checkerboard. Fails if the file is unsupported or broken.
+/// Returns the picture upright, opaque and downscaled. Also returns the size of its pixels in
+/// pixels of the file, and true if it had a checkerboard. Returns [`Error::Input`] if the file is
+/// unsupported or broken.
 fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<(RgbImage, f64, bool)> {
     refuse_foreign(bytes, file)?;
     let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
@@ -212,7 +214,8 @@ fn is_opaque(picture: &DynamicImage) -> bool {
     }
 }
 
-/// Rejects unsupported kinds of files by their first bytes, regardless of the file extension.
+/// Returns [`Error::Input`] for unsupported kinds of files, which it recognizes by their first
+/// bytes, regardless of the file extension.
 fn refuse_foreign(bytes: &[u8], file: &str) -> Result<()> {
     if bytes.get(4..).is_some_and(|rest| rest.starts_with(b"ftyp")) {
         return Err(super::foreign("heic", file));
@@ -223,8 +226,8 @@ fn refuse_foreign(bytes: &[u8], file: &str) -> Result<()> {
     Ok(())
 }
 
-/// Charges the work and memory of decoding, both known from the header, to the budget. Rejects a
-/// truncated JPEG.
+/// Charges the work and memory of decoding, both known from the header, to the budget. `n_decoded`
+/// is the number of bytes of the decoded picture. Returns [`Error::Input`] for a truncated JPEG.
 fn spend_decoding(bytes: &[u8], n_decoded: u64, budget: &Budget, file: &str) -> Result<()> {
     let n_decoded = usize::try_from(n_decoded).unwrap_or(usize::MAX);
     budget.steps(STEPS_PER_BYTE.saturating_mul(n_decoded))?;
@@ -238,6 +241,7 @@ fn spend_decoding(bytes: &[u8], n_decoded: u64, budget: &Budget, file: &str) -> 
 
 /// Returns a transparent picture on a background from which its ink stands out.
 fn on_ground(picture: &RgbaImage) -> RgbImage {
+    // Pixels that are at least half opaque count.
     let opaque = picture.pixels().filter(|pixel| pixel.0[3] > 127);
     // Counts the pixels that would be invisible on each background.
     let n_opaque = opaque.clone().count() as f64;

@@ -30,7 +30,8 @@ const STEPS_PER_PAIR: usize = 10;
 const STEPS_PER_POINT: usize = 500;
 
 /// Returns less detailed lines of a drawing whose larger side is `size`, and what is left out.
-/// Lines that continue each other are joined, short lines are dropped, and the rest is smoothed.
+/// Lines that continue each other are joined, short lines are dropped, and the rest is smoothed. A
+/// `detail` of 1 keeps everything, and 0 keeps the least.
 pub(super) fn reduced(
     lines: Vec<ColoredLine>,
     detail: f64,
@@ -61,7 +62,7 @@ pub(super) fn reduced(
     Ok((lines, LeftOut { strokes: short.len(), length_fraction: dropped_fraction }))
 }
 
-/// Joins lines of one color that continue each other across less than `gap`.
+/// Joins lines of one color that continue each other across less than `gap`, in the lines' unit.
 fn joined(lines: Vec<ColoredLine>, gap: f64) -> Vec<ColoredLine> {
     let mut remaining: Vec<Option<ColoredLine>> = lines.into_iter().map(Some).collect();
     let mut joined = Vec::new();
@@ -86,7 +87,8 @@ fn joined(lines: Vec<ColoredLine>, gap: f64) -> Vec<ColoredLine> {
 }
 
 /// Returns the index of the nearest remaining line that continues another one at its end, and true
-/// if it does so backward, from its end. Returns `None` if no line is within the gap.
+/// if it does so backward, from its end. Returns `None` if no line is within the gap, in the lines'
+/// unit.
 fn next_line(
     line: &[[f64; 2]],
     color: Color,

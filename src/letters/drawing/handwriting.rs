@@ -154,8 +154,9 @@ impl Page {
         Ok(canvas)
     }
 
-    /// Returns a description of the expected values if any value of a point is wrong. All points
-    /// must have `n_values` values, and none may be earlier than `latest_s`.
+    /// Returns a description of the expected values if any value of a point is wrong, or `None` for
+    /// a valid point. All points must have `n_values` values, and none may be earlier than
+    /// `latest_s`.
     fn problem(
         &self,
         values: &[f64],
@@ -224,8 +225,8 @@ fn write(
     Ok(strokes)
 }
 
-/// Sets the pace of each lit move, as a fraction of the writer's mean speed, from its duration.
-/// Does nothing if there are no durations.
+/// Sets the pace of each lit move, as a fraction of the writer's mean speed, from its duration in
+/// s. Does nothing if there are no durations.
 fn set_pace(strokes: &mut StrokesData, durations_s: &[f64]) {
     let lit = strokes.glyphs.iter_mut().flat_map(|glyph| &mut glyph.moves).filter(|step| step.lit);
     let timed: Vec<(&mut Move, f64)> = lit.zip(durations_s.iter().copied()).collect();
@@ -237,8 +238,8 @@ fn set_pace(strokes: &mut StrokesData, durations_s: &[f64]) {
     }
 }
 
-/// Smooths and simplifies the points of a stroke, and returns them with their times, if any. A tap
-/// becomes a dot. `height_m` is the drawing's height.
+/// Smooths and simplifies the points of a stroke in m, and returns them with their times in s, if
+/// any. A tap becomes a dot. `height_m` is the drawing's height.
 fn smoothed(
     line: &[[f64; 2]],
     times_s: &[f64],
@@ -273,7 +274,7 @@ fn smoothed(
     (kept.iter().map(|index| points[*index]).collect(), times_s)
 }
 
-/// Returns the time at a distance along a line, interpolated between the times of its points.
+/// Returns the time in s at a distance along a line, interpolated between the times of its points.
 fn time_along_s(length_m: f64, arc_lengths_m: &[f64], times_s: &[f64]) -> f64 {
     let next = arc_lengths_m.partition_point(|s| *s < length_m).clamp(1, arc_lengths_m.len() - 1);
     let (from, to) = (arc_lengths_m[next - 1], arc_lengths_m[next]);

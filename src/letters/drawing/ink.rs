@@ -94,7 +94,7 @@ pub(super) struct Field {
 }
 
 impl Field {
-    /// Returns the ink of a picture, or `None` if nothing differs from its paper.
+    /// Returns the ink of a picture. Returns `None` if nothing differs from its paper.
     pub(super) fn new(picture: &RgbImage) -> Option<Self> {
         let Some(paper) = even_paper(picture) else { return Self::on_paper(picture, None) };
         let field = Self::on_paper(picture, Some(paper))?;
@@ -103,8 +103,8 @@ impl Field {
         if has_glare { Self::on_paper(picture, None) } else { Some(field) }
     }
 
-    /// Returns the ink on paper of one color, or in a photograph if `paper` is `None`. Returns
-    /// `None` if there is no ink.
+    /// Returns the ink on paper of one color, red, green and blue from 0 to 255, or in a photograph
+    /// if `paper` is `None`. Returns `None` if there is no ink.
     fn on_paper(picture: &RgbImage, paper: Option<[f64; CHANNELS]>) -> Option<Self> {
         let (width, height) = (picture.width() as usize + 2, picture.height() as usize + 2);
         let (contrast, color) = match paper {
@@ -151,7 +151,8 @@ impl Field {
         edges.count()
     }
 
-    /// Returns the color of a pixel. In photographs, brightness is removed, as shadows change it.
+    /// Returns the color of a pixel, 0 to 1 in each channel. In photographs, brightness is removed,
+    /// as shadows change it.
     fn shade(&self, pixel: usize) -> [f64; CHANNELS] {
         let color = self.color[pixel];
         let light = if self.has_grain { color.iter().sum::<f64>().max(APART) } else { 1.0 };
@@ -175,7 +176,8 @@ fn with_margin(inks: &[Inked], width: usize, height: usize) -> (Vec<f64>, Vec<[f
     (contrast, color)
 }
 
-/// Returns the smoothed red, green and blue values of a picture or of its negative.
+/// Returns the smoothed red, green and blue values of a picture, 0 to 255 or, if `is_negative` is
+/// true, those of its negative.
 fn channels(picture: &RgbImage, is_negative: bool) -> [Vec<f64>; CHANNELS] {
     [0, 1, 2].map(|c| {
         let values = picture.pixels().map(|pixel| f64::from(pixel.0[c]));
@@ -184,7 +186,8 @@ fn channels(picture: &RgbImage, is_negative: bool) -> [Vec<f64>; CHANNELS] {
     })
 }
 
-/// Returns the color of the paper if most of the picture's edge and part of the picture have it.
+/// Returns the color of the paper, 0 to 255, if most of the picture's edge and part of the picture
+/// have it. Otherwise returns `None`.
 fn even_paper(picture: &RgbImage) -> Option<[f64; CHANNELS]> {
     let edge: Vec<_> = edge_pixels(picture).map(|color| color.map(f64::from)).collect();
     let paper = [0, 1, 2].map(|c| quantile(edge.iter().map(|color| color[c]), 0.5));
@@ -229,7 +232,8 @@ fn inks(picture: &RgbImage) -> Vec<Inked> {
     }))
 }
 
-/// Returns the color of the paper around each pixel of a photograph.
+/// Returns the color of the paper around each pixel of a photograph, 0 to 255. `values` contains
+/// the picture's channels row by row.
 fn paper_around(
     values: &[Vec<f64>; CHANNELS],
     (width, height): (u32, u32),
@@ -300,7 +304,7 @@ fn is_skewed_to_bright<'a>(blocks: impl Iterator<Item = &'a [f64; 3]>) -> Option
     is_clear.then_some(brighter > darker)
 }
 
-/// Returns the 2nd, 50th and 98th percentiles of tones.
+/// Returns the 2nd, 50th and 98th percentiles of tones, 0 to 255.
 fn extreme_tones(tones: impl Iterator<Item = u8> + Clone) -> [f64; 3] {
     [0.02, 0.5, 0.98].map(|rank| quantile(tones.clone().map(f64::from), rank))
 }
@@ -314,7 +318,8 @@ fn edge_pixels(picture: &RgbImage) -> impl Iterator<Item = [u8; 3]> {
     edge.map(|(.., pixel)| pixel.0)
 }
 
-/// Counts the pixels with slowly changing tones between paper and strong ink.
+/// Counts the pixels with slowly changing tones between paper and strong ink. `strong` is the
+/// contrast of strong ink, 0 to 1. `width` is that of the picture in pixels.
 fn tones(contrast: &[f64], width: usize, strong: f64, (between, slow, step): Tones) -> usize {
     let inner = step * width..contrast.len().saturating_sub(step * width);
     let soft = inner.filter(|pixel| {
@@ -325,11 +330,13 @@ fn tones(contrast: &[f64], width: usize, strong: f64, (between, slow, step): Ton
     soft.count()
 }
 
-/// Returns the median difference between the contrasts of pixels that are two apart in a row.
+/// Returns the median difference between the contrasts of pixels that are two apart in a row, 0 to
+/// 1.
 fn median_change(contrast: &[f64], width: usize) -> f64 {
     let pairs = contrast.chunks(width).flat_map(|row| row.iter().zip(&row[2..]));
-    // In units of 1/4000, even the finest grain is at least one level.
-    quantile(pairs.map(|(a, b)| 4000.0 * (a - b).abs()), 0.5) / 4000.0
+    /// Levels of quantiles per unit of contrast. Even the finest grain is at least one level.
+    const LEVELS: f64 = 4000.0;
+    quantile(pairs.map(|(a, b)| LEVELS * (a - b).abs()), 0.5) / LEVELS
 }
 
 /// True if many edges of the ink, which has a contrast above `least`, are soft: no pixel nearby has

@@ -71,7 +71,7 @@ impl Painted {
     }
 }
 
-/// True if all points of a subpath are on one line, apart from rounding.
+/// True if all points of a subpath, which begins at `first`, are on one line, apart from rounding.
 fn is_flat(first: Point, elements: &[PathEl]) -> bool {
     let points = elements.iter().flat_map(|element| match *element {
         PathEl::MoveTo(p) | PathEl::LineTo(p) => vec![p],
@@ -103,8 +103,8 @@ pub(super) struct Scale<'a> {
 }
 
 impl<'a> Scale<'a> {
-    /// Returns the area of a path. The area is empty if there are too many points or the budget is
-    /// spent.
+    /// Returns the area of a path, by the even-odd rule if `even_odd` is true, and otherwise by the
+    /// nonzero rule. The area is empty if there are too many points or the budget is spent.
     pub(super) fn area(self, path: &BezPath, even_odd: bool) -> Area<'a> {
         let Self { size, budget } = self;
         let max_points = if budget.spend_steps(1) { MAX_POINTS } else { 0 };
@@ -128,7 +128,8 @@ impl Area<'_> {
         if self.even_odd { winding % 2 != 0 } else { winding != 0 }
     }
 
-    /// True if the area is a rectangle that covers a page, within some slack.
+    /// True if the area is a rectangle that covers a page, within some slack. All three are in user
+    /// units.
     pub(super) fn is_page(&self, [width, height]: [f64; 2], slack: f64) -> bool {
         let [left, bottom, right, top] = self.bounds;
         let is_as_wide = left <= slack && right >= width - slack;

@@ -1,6 +1,7 @@
 //! Levels of a picture: smoothing, morphological closing and quantiles of pixel values.
 
-/// Smooths values with the kernel 1 2 1 in both directions, so that noise causes no contours.
+/// Smooths values, row by row in rows of `width`, with the kernel 1 2 1 in both directions, so that
+/// noise causes no contours.
 pub(super) fn softened(values: &[f64], width: usize) -> Vec<f64> {
     let mut values = values.to_vec();
     for (step, n) in [(1, width), (width, values.len() / width)] {
@@ -21,8 +22,8 @@ pub(super) fn closed(values: &[f64], width: usize, steps: usize) -> Vec<f64> {
     extremes(&brightest, width, steps, f64::min)
 }
 
-/// Returns the minimum or maximum within `steps` of each pixel (van Herk, Pattern Recogn. Lett. 13,
-/// 1992).
+/// Returns the minimum or maximum within `steps` of each pixel in a square (van Herk, Pattern
+/// Recogn. Lett. 13, 1992). The values are row by row in rows of `width`.
 pub(super) fn extremes(
     values: &[f64],
     width: usize,
@@ -67,7 +68,8 @@ pub(super) fn extremes(
     values
 }
 
-/// Returns a quantile of values from 0 to 255, or 0 if there are none.
+/// Returns the quantile of values from 0 to 255 below which the fraction `rank` of them is, or 0 if
+/// there are none.
 pub(super) fn quantile(values: impl IntoIterator<Item = f64>, rank: f64) -> f64 {
     let mut counts = [0_usize; 256];
     values.into_iter().for_each(|value| counts[level(value)] += 1);
@@ -80,7 +82,7 @@ pub(super) fn quantile(values: impl IntoIterator<Item = f64>, rank: f64) -> f64 
     reached.unwrap_or(255) as f64
 }
 
-/// Converts a value to one of 256 levels.
+/// Converts a value to one of 256 levels. Values beyond 0 to 255 become its ends.
 #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
 pub(super) fn level(value: f64) -> usize {
     (value as usize).min(255)

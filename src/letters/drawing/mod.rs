@@ -108,7 +108,7 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
     })
 }
 
-/// Returns the strokes of an SVG file.
+/// Returns the strokes of an SVG file, on the canvas of the options. `file` names it in errors.
 fn of_svg(bytes: &[u8], options: &LetterOptions, ink: Ink, file: &str) -> Result<StrokesData> {
     let Warned { product: drawing, warnings } = svg::read(bytes, file)?;
     let mut placing = Placing::new(drawing.bounds(), options, file)
@@ -130,7 +130,7 @@ fn of_svg(bytes: &[u8], options: &LetterOptions, ink: Ink, file: &str) -> Result
     Ok(StrokesData { left_out, warnings, source, ..strokes })
 }
 
-/// Returns the strokes of a bitmap.
+/// Returns the strokes of a bitmap, on the canvas of the options. `file` names it in errors.
 fn of_bitmap(bytes: &[u8], options: &LetterOptions, ink: Ink, file: &str) -> Result<StrokesData> {
     let size = |extent| Ok(Placing::new(extent, options, file)?.scale / options.cap_height_m);
     let Warned { product: Traced { lines, corners_px, in_file }, warnings } =
@@ -251,7 +251,8 @@ struct Placing {
 }
 
 impl Placing {
-    /// Places a drawing with these bounds on the canvas. Fails if the drawing has no extent.
+    /// Places a drawing with these bounds, left, bottom, right and top, on the canvas. Returns
+    /// [`Error::Input`] if the drawing has no extent.
     fn new(bounds: [f64; 4], options: &LetterOptions, file: &str) -> Result<Self> {
         let [left, bottom, right, top] = bounds;
         let canvas_m = options.canvas_m.unwrap_or(CANVAS.map(|side| side * options.cap_height_m));
@@ -287,7 +288,8 @@ impl Placing {
         [self.cell.left_m + x_m, self.cell.baseline_m + y_m]
     }
 
-    /// Returns a line's number, and the position of its label in the plan's picture: its midpoint.
+    /// Returns a line's number, and the position in m of its label in the plan's picture: its
+    /// midpoint.
     fn label(&self, number: usize, line: &[[f64; 2]]) -> (usize, [f64; 2]) {
         let along = arc_lengths(line);
         let half = 0.5 * along[along.len() - 1];

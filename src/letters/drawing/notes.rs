@@ -223,7 +223,8 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         self.edits.push((range, shape));
     }
 
-    /// Names the unsupported features of an element. Returns true if it would be misplaced.
+    /// Names the unsupported features of an element. Returns true if it would be misplaced, so that
+    /// it is left out.
     fn is_left_out(&mut self, node: Node<'a, 'input>) -> bool {
         let mut is_left_out = false;
         for (name, value, of_css) in self.styles.declared(node).iter().copied() {
@@ -245,7 +246,8 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         is_left_out
     }
 
-    /// True if a declaration moves an element in a way that is not supported.
+    /// True if a declaration moves an element in a way that is not supported. `of_css` is true in a
+    /// style or a style sheet, and false for an attribute.
     fn is_misplaced(&self, node: Node<'a, 'input>, name: &str, value: &str, of_css: bool) -> bool {
         let tag = node.tag_name().name();
         let is_page = tag == "svg" && node.parent_element().is_none();
@@ -263,7 +265,8 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
     }
 
     /// Returns the name of a declaration that is not drawn as in a browser, and how it is drawn.
-    /// Returns `None` if it is drawn as in a browser.
+    /// Returns `None` if it is drawn as in a browser. `of_css` is true in a style or a style sheet,
+    /// and false for an attribute.
     fn note(
         &self,
         node: Node<'a, 'input>,
@@ -308,7 +311,8 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         })
     }
 
-    /// True if a declaration has an effect in browsers but not here.
+    /// True if a declaration has an effect in browsers but not here. `of_css` is true in a style or
+    /// a style sheet, and false for an attribute.
     fn is_ignored(&self, node: Node<'a, 'input>, name: &str, value: &str, of_css: bool) -> bool {
         let is_shape = has(SHAPES, node.tag_name().name());
         let is_reset = has("initial unset revert revert-layer", value);
@@ -361,7 +365,9 @@ fn paint_note(name: &str, value: &str, target: &str) -> Option<(String, &'static
 
 /// Returns a declaration as shown in a warning: its name and the start of its value.
 fn shown(name: &str, value: &str) -> String {
-    format!("{name} `{}`", value.chars().take(40).collect::<String>())
+    /// Maximum number of characters of the value that are shown.
+    const MAX_SHOWN: usize = 40;
+    format!("{name} `{}`", value.chars().take(MAX_SHOWN).collect::<String>())
 }
 
 /// True for a value that has no effect.

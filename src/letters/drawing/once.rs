@@ -60,7 +60,7 @@ pub(super) struct Front<'a> {
 type Stretch = (Vec<[f64; 2]>, Option<f64>);
 
 impl<'a> Front<'a> {
-    /// Returns an empty index for a drawing with a given larger side.
+    /// Returns an empty index for a drawing with a given larger side, in user units.
     pub(super) fn new(size: f64, budget: &'a Budget) -> Self {
         let (near, cell) = (NEAR * size, size / CELLS);
         let (cells, levels) = (HashMap::new(), BTreeMap::new());
@@ -68,7 +68,8 @@ impl<'a> Front<'a> {
     }
 
     /// Adds an element's lines to those in front. Returns the parts that nothing in front covers,
-    /// or `None` if nothing is covered.
+    /// or `None` if nothing is covered. `reach` is half the width of the element's strokes, in user
+    /// units.
     pub(super) fn uncovered(
         &mut self,
         lines: &[Vec<[f64; 2]>],
@@ -91,13 +92,14 @@ impl<'a> Front<'a> {
         (!is_whole).then_some(parts)
     }
 
-    /// Returns the cell of a position in a level.
+    /// Returns the column and the row of the cell that contains a position in user units, on the
+    /// grid of a level.
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
     fn key(&self, level: i32, place: [f64; 2]) -> [i64; 2] {
         place.map(|x| (x / self.cell_of(level)).floor() as i64)
     }
 
-    /// Returns the side of the cells of a level.
+    /// Returns the side of the cells of a level, in user units.
     fn cell_of(&self, level: i32) -> f64 {
         self.cell * libm::exp2(f64::from(level))
     }
@@ -123,8 +125,8 @@ impl<'a> Front<'a> {
         }
     }
 
-    /// Returns the maximum reach of the pieces that cover a position of an element on a line with
-    /// direction `along`, or `None` if nothing covers it.
+    /// Returns the maximum reach in user units of the pieces that cover a position of an element on
+    /// a line with direction `along`, or `None` if nothing covers it.
     fn cover(&self, place: [f64; 2], along: [f64; 2], element: usize) -> Option<f64> {
         let mut most: Option<f64> = None;
         for (level, farthest) in &self.levels {
@@ -144,9 +146,9 @@ impl<'a> Front<'a> {
         most
     }
 
-    /// Returns the reach of a piece if it covers a position of an element. Returns `None` if the
-    /// position is beyond the piece's ends or reach, or if a piece without width only crosses.
-    /// Within one element, no piece has width.
+    /// Returns the reach of a piece in user units if it covers a position of an element. Returns
+    /// `None` if the position is beyond the piece's ends or reach, or if a piece without width only
+    /// crosses. Within one element, no piece has width.
     fn reach(
         &self,
         piece: usize,
@@ -166,7 +168,7 @@ impl<'a> Front<'a> {
         (is_beside && !is_crossed && segment_distance(place, *ends) <= reach).then_some(reach)
     }
 
-    /// Splits a line into stretches that are covered or not.
+    /// Splits a line into stretches that are covered or not, each with the reach of what covers it.
     fn stretches(&self, line: &[[f64; 2]], element: usize) -> Vec<Stretch> {
         if self.pieces.is_empty() {
             return vec![(line.to_vec(), None)];
@@ -204,7 +206,8 @@ impl<'a> Front<'a> {
 }
 
 /// Returns the visible parts of a line, from its stretches. A stroke that merely crosses a line
-/// hides nothing, and a short gap between two covered stretches is hidden.
+/// hides nothing, and a short gap between two covered stretches is hidden. `near` is the reach of a
+/// line without width.
 fn visible_parts(stretches: Vec<Stretch>, line: &[[f64; 2]], near: f64) -> Vec<Vec<[f64; 2]>> {
     let is_closed = is_closed(line);
     // First, short gaps between covered stretches become covered.
@@ -231,7 +234,8 @@ fn visible_parts(stretches: Vec<Stretch>, line: &[[f64; 2]], near: f64) -> Vec<V
     }
 }
 
-/// Returns the indices of the stretches before and after one of n, cyclically in a closed line.
+/// Returns the indices of the stretches before and after one of n, cyclically in a closed line. An
+/// index is `None` where there is none.
 fn neighbors(index: usize, n: usize, is_closed: bool) -> [Option<usize>; 2] {
     if is_closed && n > 1 {
         [Some((index + n - 1) % n), Some((index + 1) % n)]
@@ -240,7 +244,8 @@ fn neighbors(index: usize, n: usize, is_closed: bool) -> [Option<usize>; 2] {
     }
 }
 
-/// Returns the uncovered stretches, with neighbors joined, even across a closed line's start.
+/// Returns the uncovered stretches, with neighbors joined. In a closed line they are also joined
+/// across its start.
 fn uncovered_lines(stretches: Vec<Stretch>, is_closed: bool) -> Vec<Vec<[f64; 2]>> {
     let n = stretches.len();
     let goes_around = is_closed && stretches[0].1.is_none() && stretches[n - 1].1.is_none();
@@ -286,7 +291,8 @@ fn joined(stretches: Vec<Stretch>, is_closed: bool) -> Vec<Stretch> {
     kept
 }
 
-/// Bisects for the position between two others at which a test changes from true to false.
+/// Bisects the way between two positions, and returns the place at which a test changes. The test
+/// holds at the first position and fails at the second.
 fn change([mut same, mut other]: [[f64; 2]; 2], test: impl Fn([f64; 2]) -> bool) -> [f64; 2] {
     for _ in 0..HALVINGS {
         let middle = between(same, other, 0.5);
@@ -295,7 +301,8 @@ fn change([mut same, mut other]: [[f64; 2]; 2], test: impl Fn([f64; 2]) -> bool)
     between(same, other, 0.5)
 }
 
-/// Splits a segment evenly into pieces of at most `longest`, up to 10⁵ pieces.
+/// Splits a segment evenly into pieces of at most `longest`, up to 10⁵ pieces. Each piece is its
+/// start and its end.
 fn cut([from, to]: [[f64; 2]; 2], longest: f64) -> impl Iterator<Item = [[f64; 2]; 2]> {
     let n = (distance(from, to) / longest).ceil().clamp(1.0, 1e5);
     integers_below(n).map(move |k| [between(from, to, k / n), between(from, to, (k + 1.0) / n)])

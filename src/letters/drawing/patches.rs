@@ -151,7 +151,8 @@ impl Field {
         next
     }
 
-    /// Returns the point on an edge of the pixel grid where linearly interpolated values are 0.
+    /// Returns the point in pixels, with y up, on an edge of the pixel grid where linearly
+    /// interpolated values are 0.
     fn crossing(&self, values: &[f64], (pixel, down): GridEdge) -> [f64; 2] {
         let (x, y) = (pixel % self.width, pixel / self.width);
         let other = values[pixel + if down { self.width } else { 1 }];
@@ -160,7 +161,7 @@ impl Field {
         [x as f64 + dx, -(y as f64 + dy)]
     }
 
-    /// Returns the length of a contour along the edge of the picture.
+    /// Returns the length of a contour along the edge of the picture, in pixels.
     fn length_along_edge(&self, contour: &Contour) -> f64 {
         let [right, bottom] = [self.width - 2, self.height - 2].map(|side| side as f64);
         let segments = segments(contour).filter(|ends| {
@@ -182,8 +183,8 @@ impl Field {
         sides.sum()
     }
 
-    /// Returns the warnings that apply to a picture. A rectified photograph does not need the
-    /// warning that it is drawn as the camera sees it.
+    /// Returns the warnings that apply to a picture. A rectified photograph (`is_rectified`) does
+    /// not need the warning that it is drawn as the camera sees it.
     pub(super) fn warnings(&self, counts: &Counts, is_rectified: bool) -> Vec<Diagnostic> {
         let Counts { n_cut, n_specks, n_rulings, n_lines } = *counts;
         let n_marks = self.marks_across_edge();
@@ -205,7 +206,7 @@ impl Field {
         warnings.collect()
     }
 
-    /// Returns the fully saturated hue of the ink along a line, or black for gray ink.
+    /// Returns the fully saturated hue of the ink along a line in pixels, or black for gray ink.
     pub(super) fn hue(&self, line: &[[f64; 2]]) -> [u8; 3] {
         // Averages the colors of four points per segment, ignoring points outside the ink.
         let mut sum = [0.0; 3];
@@ -233,6 +234,7 @@ impl Field {
 }
 
 /// Returns the fully saturated hue of a color, or black if its chroma is at most `most_gray`.
+/// Channels of the color and the chroma are from 0 to 1.
 fn saturated(color: [f64; 3], most_gray: f64) -> [u8; 3] {
     let least = color.into_iter().fold(f64::MAX, f64::min);
     let most = color.into_iter().fold(0.0, f64::max);
@@ -263,7 +265,8 @@ pub(super) fn without_specks(patches: Vec<Vec<Contour>>, side: f64) -> (Vec<Vec<
     (drawn, n_specks)
 }
 
-/// Returns patches of ink, each a contour with its holes, from contours of a minimum area.
+/// Returns patches of ink, each a contour with its holes, from contours of a minimum area in square
+/// pixels.
 fn nested(contours: Vec<Contour>, least_area: f64) -> Vec<Vec<Contour>> {
     let (outer, holes): (Vec<Contour>, Vec<Contour>) = contours
         .into_iter()

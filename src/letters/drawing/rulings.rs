@@ -67,7 +67,8 @@ impl Field {
         (if is_upright { self.height } else { self.width }) - 2
     }
 
-    /// Returns the index of a pixel, given its positions along and across a ruling.
+    /// Returns the index of a pixel, given its positions along and across a ruling, which is a
+    /// column if `is_upright` is true, and a row otherwise. Returns `None` outside the picture.
     fn pixel_across(&self, is_upright: bool, along: usize, across: usize) -> Option<usize> {
         let [x, y] = if is_upright { [across, along] } else { [along, across] };
         (x < self.width && y < self.height).then(|| y * self.width + x)
@@ -87,7 +88,8 @@ impl Field {
         (ruling.ends[0] + part * (ruling.ends[1] - ruling.ends[0])).round().max(0.0) as usize
     }
 
-    /// Returns the lines of one direction that have ink from edge to edge.
+    /// Returns the lines of one direction that have ink from edge to edge, which are columns if
+    /// `is_upright` is true, and rows otherwise.
     fn rulings(&self, is_upright: bool) -> Vec<Ruling> {
         let length = self.length(is_upright);
         // Finds narrow marks near both edges, then pairs those with ink all the way between them.
@@ -125,8 +127,8 @@ impl Field {
         (least >= INKED * ruling.contrast).then_some(Ruling { contrast, ..ruling })
     }
 
-    /// Returns the middle, width and contrast of each narrow mark of ink on a line across the
-    /// picture.
+    /// Returns the middle in pixels, the width in pixels and the contrast of each narrow mark of
+    /// ink on a line across the picture. Rulings are upright if `is_upright` is true.
     fn marks(&self, is_upright: bool, along: usize) -> Vec<(f64, usize, f64)> {
         let side = self.length(!is_upright);
         let contrast = |across: usize| {

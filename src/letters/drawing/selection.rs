@@ -84,7 +84,7 @@ fn named(key: &str, list: &str, colors: &[Option<&'static str>]) -> Result<Vec<b
     Ok(named)
 }
 
-/// Returns the name of a color: its hue, or black, gray or white.
+/// Returns the name of a color: its hue, or black, gray or white. Colors of little chroma are gray.
 pub(super) fn name([r, g, b]: [u8; 3]) -> &'static str {
     let (most, least) = (r.max(g).max(b), r.min(g).min(b));
     if most - least < CHROMA {

@@ -26,9 +26,11 @@ pub(super) fn is_convex(corners: &Corners) -> bool {
 /// sides in the picture, so the aspect ratio is approximate.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a picture's side")]
 pub(super) fn square_on(picture: &RgbImage, corners: &Corners) -> RgbImage {
+    /// Smallest and largest side of the rectified picture.
+    const SIDES_PX: [f64; 2] = [8.0, 4096.0];
     let sides = [0, 1, 2, 3].map(|k| distance(corners[k], corners[(k + 1) % 4]));
     let [width, height] = [sides[0].max(sides[2]), sides[1].max(sides[3])]
-        .map(|side| side.round().clamp(8.0, 4096.0) as u32);
+        .map(|side| side.round().clamp(SIDES_PX[0], SIDES_PX[1]) as u32);
     let in_picture = Map::of_sheet(corners, (width, height));
     let [right, bottom] = [picture.width() - 1, picture.height() - 1].map(f64::from);
     let sliver = SLIVER * f64::from(width.max(height));
@@ -64,7 +66,7 @@ impl Map {
         Self(of_unit.map(|[u, v, w]| [u / f64::from(width), v / f64::from(height), w]))
     }
 
-    /// Returns the image of a point.
+    /// Returns the image in the picture of a point of the rectified sheet, both in pixels.
     pub(super) fn apply(&self, [u, v]: [f64; 2]) -> [f64; 2] {
         let [x, y, w] = self.0.map(|row| row[0] * u + row[1] * v + row[2]);
         [x / w, y / w]

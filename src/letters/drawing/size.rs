@@ -80,8 +80,8 @@ struct Counting<'a, 'b, 'input> {
 }
 
 impl<'a, 'input> Counting<'a, '_, 'input> {
-    /// Returns the work of an element at a depth, and its levels of nested elements. The error
-    /// names the cause.
+    /// Returns the work of an element at a depth of nested elements, including that of its parts.
+    /// Also returns the number of levels below and including it. The error names the cause.
     fn count(&mut self, node: Node<'a, 'input>, depth: usize) -> Result<(Work, usize), String> {
         let too_deep = format!("more than {MAX_DEPTH} levels of nested elements");
         match self.known.get(&node) {
@@ -147,8 +147,8 @@ impl<'a, 'input> Counting<'a, '_, 'input> {
         (!is_paint || target.tag_name().name().ends_with("Gradient")).then_some(target)
     }
 
-    /// Returns the sum of the absolute coordinates of an element's curves. Fails for lengths in em
-    /// or ex.
+    /// Returns the sum of the absolute coordinates of an element's curves, in user units. The error
+    /// is a length in em or ex.
     fn curves(&self, node: Node<'_, '_>) -> Result<f64, String> {
         let names: &[&str] = match node.tag_name().name() {
             "path" => &["d"],

@@ -156,7 +156,8 @@ impl<'a, 'input> Styles<'a, 'input> {
         Ok(Self { declared: all_declared, ids, sheets })
     }
 
-    /// Returns the declarations of an element.
+    /// Returns the declarations of an element: name, value, and true if it comes from CSS rather
+    /// than from an attribute. A later declaration of a name replaces earlier ones.
     pub(super) fn declared(&self, node: Node<'_, '_>) -> &[(&'a str, &'a str, bool)] {
         self.declared.get(&node.id()).map_or(&[], |(declared, _)| declared)
     }
@@ -323,6 +324,7 @@ impl Element for Matched<'_, '_, '_> {
         self.node.tag_name().name() == name
     }
 
+    /// Charges the comparison with all attributes, and with the value in words of eight bytes.
     fn attribute_matches(&self, name: &str, operator: AttributeOperator<'_>) -> bool {
         let value = self.node.attribute(name);
         let steps = self.node.attributes().len() + value.map_or(0, str::len) / 8;

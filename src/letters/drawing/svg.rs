@@ -297,10 +297,12 @@ fn bounds_of<'a>(items: impl Iterator<Item = &'a Item>) -> [f64; 4] {
     geometry::bounds(bounds.flat_map(|[x0, y0, x1, y1]| [[x0, y0], [x1, y1]]))
 }
 
-/// Returns the encoding that a file's XML declaration names.
+/// Returns the encoding that a file's XML declaration names, or `None` without a declaration.
 #[cfg(not(target_family = "wasm"))]
 fn declared_encoding(bytes: &[u8]) -> Option<String> {
-    let head: String = bytes.iter().take(200).map(|byte| char::from(*byte)).collect();
+    /// Number of bytes in which the declaration must end.
+    const HEAD_BYTES: usize = 200;
+    let head: String = bytes.iter().take(HEAD_BYTES).map(|byte| char::from(*byte)).collect();
     let (_, value) = head.strip_prefix("<?xml")?.split_once("?>")?.0.split_once("encoding")?;
     let value = value.trim_start().strip_prefix('=')?.trim_start();
     let quote = value.chars().next()?;
@@ -308,6 +310,7 @@ fn declared_encoding(bytes: &[u8]) -> Option<String> {
 }
 
 /// Decodes a file by the encoding that its first bytes or its declaration indicate, or as UTF-8.
+/// The error names the cause.
 fn decoded(bytes: &[u8]) -> std::result::Result<String, String> {
     if bytes.starts_with(&[0x1f, 0x8b]) {
         return Err("a compressed drawing (svgz)".into());
@@ -327,6 +330,7 @@ fn decoded(bytes: &[u8]) -> std::result::Result<String, String> {
 }
 
 /// Returns the encoding that a file's first bytes or its declaration indicate, or `None` for UTF-8.
+/// The error names an encoding that is not supported.
 #[cfg(not(target_family = "wasm"))]
 fn foreign_encoding(bytes: &[u8]) -> std::result::Result<Option<&'static Encoding>, String> {
     let encoding = match bytes {
@@ -358,7 +362,8 @@ struct Walk<'a> {
 }
 
 impl<'a> Walk<'a> {
-    /// Returns the elements of a page from back to front, limited by its edge if it has one.
+    /// Returns the elements of a page from back to front, limited by its edge if `has_edge` is
+    /// true.
     fn page(&mut self, tree: &Tree, has_edge: bool) -> Vec<Painted> {
         let (mut cuts, mut painted) = (Vec::new(), Vec::new());
         if has_edge {
@@ -377,7 +382,8 @@ impl<'a> Walk<'a> {
     }
 
     /// Adds the paths of a group, limited by cuts. The transforms of the groups are multiplied
-    /// here, because the product that usvg gives lacks the transform of a symbol.
+    /// here, because the product that usvg gives lacks the transform of a symbol. `alpha` is the
+    /// opacity of the groups around it, 0 to 1.
     fn group(
         &mut self,
         group: &usvg::Group,
@@ -435,7 +441,8 @@ impl<'a> Walk<'a> {
     }
 
     /// Returns a visible path of the tree as a painted element. Returns `None` for a path without
-    /// visible paint, and for a sign, which is recorded.
+    /// visible paint, and for a sign, which is recorded. `alpha` is the opacity of the groups
+    /// around it, 0 to 1.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an index")]
     fn path(
         &mut self,
@@ -467,8 +474,9 @@ impl<'a> Walk<'a> {
         is_painted.then_some(Painted { path, even_odd, fill, stroke, placed, cuts })
     }
 
-    /// Returns the color and the opacity of a paint. A gradient is represented by the color of its
-    /// middle visible stop and about its mean opacity. In a mask it counts as its lightest stop.
+    /// Returns the color and the opacity of a paint, 0 to 1. A gradient is represented by the color
+    /// of its middle visible stop and about its mean opacity. In a mask it counts as its lightest
+    /// stop.
     fn paint(&self, paint: &usvg::Paint) -> (Color, f64) {
         let stops = match paint {
             usvg::Paint::Color(color) => return (rgb(*color), 1.0),
@@ -537,9 +545,9 @@ fn convert(path: &tiny_skia_path::Path, placed: Affine) -> BezPath {
     placed * drawn
 }
 
-/// Returns the dashes of a path, or the path itself if it has no pattern, and the maximum length of
-/// a dash that represents a point. If a transform is uneven, dashes get their mean length. Fails if
-/// the drawing has too many points.
+/// Returns the dashes of a path, or the path itself if it has no pattern. Also returns the maximum
+/// length of a dash that represents a point, in user units. If a transform is uneven, dashes get
+/// their mean length. Returns an error if the drawing has too many points.
 fn dashed(
     drawn: BezPath,
     style: &kurbo::Stroke,
@@ -571,7 +579,8 @@ fn dashed(
 }
 
 /// Replaces subpaths of zero length, and lines up to `shortest`, with points of light if their caps
-/// are visible. Other such lines are removed.
+/// are visible. Other such lines are removed. `size` is the page's larger side. Both are in user
+/// units.
 fn with_points(path: &BezPath, shortest: f64, cap: kurbo::Cap, size: f64) -> BezPath {
     let mut kept = BezPath::new();
     for (first, elements) in subpaths(path) {

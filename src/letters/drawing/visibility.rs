@@ -63,7 +63,8 @@ struct Stroked<'b, 'a> {
 }
 
 impl Stroked<'_, '_> {
-    /// True if the stroke does not stand out from a background color.
+    /// True if the stroke does not stand out from the background color `ground`, given as red,
+    /// green and blue from 0 to 255.
     fn blends(&self, ground: [f64; 3]) -> bool {
         let ink = self.color.map(f64::from);
         alike(ground, [0, 1, 2].map(|i| ground[i] + self.alpha * (ink[i] - ground[i])))
@@ -275,7 +276,8 @@ impl<'a> Page<'a> {
         }
     }
 
-    /// Returns the polylines of a path.
+    /// Returns the polylines of a path in the page's units, flattened to within [`FLATNESS`] of the
+    /// drawing's size.
     fn lines(&self, path: &BezPath) -> Vec<Vec<[f64; 2]>> {
         let tolerance = FLATNESS * self.scale.size;
         let lines = polylines(path, tolerance, MAX_POINTS).unwrap_or_default();
@@ -382,7 +384,7 @@ impl<'a> Page<'a> {
         is_crossed
     }
 
-    /// True if a position is inside all of the given cuts.
+    /// True if a position in the page's units is inside all of the given cuts.
     fn within(&self, cuts: &[usize], place: [f64; 2]) -> bool {
         cuts.iter().all(|cut| match &self.cuts[*cut] {
             Cut::Page(edge) => edge.holds(place),
@@ -397,19 +399,19 @@ impl<'a> Page<'a> {
         })
     }
 
-    /// True if a layer, limited by its cuts, contains a position.
+    /// True if a layer, limited by its cuts, contains a position in the page's units.
     fn lies_at(&self, layer: &Layer<'a>, place: [f64; 2]) -> bool {
         layer.area.holds(place) && self.within(&layer.cuts, place)
     }
 
-    /// True if a layer in front of an element hides the element at a position.
+    /// True if a layer in front of an element hides the element at a position in the page's units.
     fn is_covered(&self, element: usize, near: &[&Layer<'a>], place: [f64; 2]) -> bool {
         let mut over = near.iter().filter(|layer| layer.element > element && layer.alpha >= OPAQUE);
         over.any(|layer| self.lies_at(layer, place))
     }
 
-    /// Returns the color at a position of those layers for which `counts` is true, and the topmost
-    /// element at that position, if any.
+    /// Returns the color at a position, 0 to 255 in each channel, of those layers for which
+    /// `counts` is true. Also returns the topmost element at that position, if any.
     fn color_at(
         &self,
         place: [f64; 2],
@@ -463,10 +465,14 @@ fn extent(item: &Painted) -> [f64; 4] {
     [bounds.x0, bounds.y0, bounds.x1, bounds.y1]
 }
 
-/// Returns the mask value of a layer, 0 to 1 (CSS Masking, section 7.10.1).
+/// Returns the mask value of a layer, 0 to 1 (CSS Masking, section 7.10.1): its opacity if
+/// `by_alpha` is true, and otherwise the luminance of its color.
 fn light(layer: &Layer<'_>, by_alpha: bool) -> f64 {
     let [r, g, b] = layer.color.map(|channel| f64::from(channel) / 255.0);
-    if by_alpha { 1.0 } else { 0.2125 * r + 0.7154 * g + 0.0721 * b }
+    /// Fractions of the luminance in red, green and blue, as in that section.
+    const LUMINANCE: [f64; 3] = [0.2125, 0.7154, 0.0721];
+    let [of_r, of_g, of_b] = LUMINANCE;
+    if by_alpha { 1.0 } else { of_r * r + of_g * g + of_b * b }
 }
 
 /// Returns a line from the end of each open line to its start.
@@ -475,17 +481,18 @@ fn closing_sides(lines: &[Vec<[f64; 2]>]) -> Vec<Vec<[f64; 2]>> {
     open.map(|line| vec![line[line.len() - 1], line[0]]).collect()
 }
 
-/// Returns the color of a layer over another color.
+/// Returns the color, 0 to 255 in each channel, of a layer over the color `below`.
 fn blended(below: [f64; 3], layer: &Layer<'_>) -> [f64; 3] {
     [0, 1, 2].map(|i| below[i] + layer.alpha * (f64::from(layer.color[i]) - below[i]))
 }
 
-/// True if two colors differ by at most [`ALIKE`] in each channel.
+/// True if two colors, 0 to 255 in each channel, differ by at most [`ALIKE`] in each channel.
 fn alike(a: [f64; 3], b: [f64; 3]) -> bool {
     (0..3).all(|i| (a[i] - b[i]).abs() <= ALIKE)
 }
 
-/// Returns the positions to the left and to the right of a position on a segment.
+/// Returns the positions to the left and to the right of a position on a segment, each at the
+/// distance `beside` from it.
 fn sides([x, y]: [f64; 2], [from, to]: [[f64; 2]; 2], beside: f64) -> [[f64; 2]; 2] {
     let length = distance(from, to);
     let fraction = if length > 0.0 { beside / length } else { 0.0 };
@@ -493,7 +500,8 @@ fn sides([x, y]: [f64; 2], [from, to]: [[f64; 2]; 2], beside: f64) -> [[f64; 2];
     [[x - dy, y + dx], [x + dy, y - dx]]
 }
 
-/// Merges pieces of a line that are too short with their neighbors.
+/// Merges pieces of a line that are shorter than `shortest` with their neighbors. The length is in
+/// user units.
 fn without_slivers(pieces: Vec<Piece>, shortest: f64) -> Vec<Piece> {
     let mut kept: Vec<Piece> = Vec::new();
     for (points, color) in pieces {

@@ -26,7 +26,9 @@ pub struct UnevenAir {
     pub mean_sigma_n_m: [f64; 2],
 }
 
-/// Estimates uneven air from the airborne samples. Returns `None` if the flight is too short.
+/// Estimates uneven air from the airborne samples: the torque in N m by which the air turns the
+/// drone. `torque_per_command_n_m` converts motor commands. Returns `None` if the flight is too
+/// short.
 pub(super) fn uneven_air(
     flight: &Flight,
     samples: &[FlightSample],

@@ -57,7 +57,8 @@ impl RotorLag {
     }
 }
 
-/// Fits the lag. Returns `None` if the flight is too short or its design does not move.
+/// Fits the lag of the rotors in s behind their commands. Returns `None` if the flight is too short
+/// or its design does not move.
 pub(super) fn lag(flight: &Flight, samples: &[FlightSample]) -> Option<RotorLag> {
     let runs: Vec<(&[FlightSample], Vec<[usize; 3]>)> =
         runs(flight, samples).map(|run| (run, pairs(run).collect())).collect();
@@ -84,7 +85,8 @@ pub(super) fn lag(flight: &Flight, samples: &[FlightSample]) -> Option<RotorLag>
     Some(RotorLag { lag_s, half_width_s, explained: fit.fraction })
 }
 
-/// Returns the standard deviation of an estimate, from estimates that leave out one stretch each.
+/// Returns the standard deviation of an estimate, in its unit, from estimates that leave out one
+/// stretch each (jackknife).
 fn jackknife_sigma(estimates: &[f64]) -> f64 {
     let n = estimates.len() as f64;
     let middle = estimates.iter().sum::<f64>() / n;
@@ -143,8 +145,8 @@ impl Stretch {
     }
 }
 
-/// Returns how well each lag explains the rotation, optionally without one stretch. Returns `None`
-/// if the columns of the design are linearly dependent.
+/// Returns how well each lag explains the rotation, optionally without the stretch with an index.
+/// Returns `None` if the columns of the design are linearly dependent.
 fn explained(stretches: &[Stretch], without: Option<usize>) -> Option<Explained> {
     let kept = stretches.iter().enumerate().filter(|(index, _)| Some(*index) != without);
     let kept: Vec<&Stretch> = kept.map(|(_, stretch)| stretch).collect();
@@ -155,9 +157,10 @@ fn explained(stretches: &[Stretch], without: Option<usize>) -> Option<Explained>
         kept.iter().map(|stretch| stretch.rows).sum::<usize>() as f64,
         square.trace() / columns as f64,
     );
-    // A billionth of the mean is added, so that nearly dependent columns remain invertible.
+    /// Fraction of the mean that is added, so that nearly dependent columns remain invertible.
+    const RIDGE: f64 = 1e-9;
     for k in 0..columns {
-        square[(k, k)] += 1e-9 * mean;
+        square[(k, k)] += RIDGE * mean;
     }
     // First stage: the response is projected onto the instruments, with ZᵀZ = L Lᵀ.
     let factor = square.cholesky()?;
@@ -185,11 +188,14 @@ fn explained(stretches: &[Stretch], without: Option<usize>) -> Option<Explained>
     Some(Explained { curve, fraction: most })
 }
 
-/// Returns the design's acceleration along world x and y, with a row per pair of spans, and a
-/// column for that pair and each of the pairs around it. Returns `None` if the design never moves.
+/// Returns the changes of the design's velocity along world x and y between spans, m/s. A row
+/// belongs to a pair of spans, and has a column for that pair and each of the pairs around it.
+/// Returns `None` if the design never moves.
 fn instruments(runs: &[(&[FlightSample], Vec<[usize; 3]>)]) -> Option<Changes> {
+    /// Change of velocity up to which the design is at rest, m/s, which is above rounding errors.
+    const AT_REST: f64 = 1e-9;
     let moves = changes(runs, |run| run.iter().map(|s| s.design_m.xy().into()).collect());
-    let axes: Vec<usize> = (0..2).filter(|axis| moves.column(*axis).amax() > 1e-9).collect();
+    let axes: Vec<usize> = (0..2).filter(|axis| moves.column(*axis).amax() > AT_REST).collect();
     let n_around = SPANS_BEFORE + SPANS_AFTER + 1;
     let mut columns = DMatrix::zeros(moves.nrows(), axes.len() * n_around);
     let mut first = 0;
@@ -211,7 +217,8 @@ fn instruments(runs: &[(&[FlightSample], Vec<[usize; 3]>)]) -> Option<Changes> {
     (!axes.is_empty()).then_some(columns)
 }
 
-/// Returns the changes in a quantity's mean rate between consecutive spans.
+/// Returns the changes in a quantity's mean rate between consecutive spans, in the quantity's unit
+/// per s. Each row has the changes of its two components.
 fn changes(
     runs: &[(&[FlightSample], Vec<[usize; 3]>)],
     quantity: impl Fn(&[FlightSample]) -> Vec<[f64; 2]>,
@@ -231,7 +238,8 @@ fn changes(
     DMatrix::from_row_slice(rows.len() / 2, 2, &rows)
 }
 
-/// Returns the integral of the roll and pitch torques up to each sample, given the motor lag.
+/// Returns the integral of the roll and pitch torques up to each sample, in units of commands times
+/// s, given the motor lag.
 fn torques(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 2]> {
     let mut sums = vec![[0.0; 2]];
     for impulse in impulses(run, lag_s) {
@@ -241,7 +249,8 @@ fn torques(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 2]> {
     sums
 }
 
-/// Returns the lag at the peak of a curve, by a parabola through its highest three points.
+/// Returns the lag in s at the peak of a curve, by a parabola through its highest three points. The
+/// curve has a value for each multiple of [`STEP_S`].
 fn peak(curve: &[f64]) -> f64 {
     let highest = (0..curve.len()).max_by(|a, b| curve[*a].total_cmp(&curve[*b])).unwrap_or(0);
     #[expect(clippy::cast_precision_loss, reason = "sixty")]
@@ -258,11 +267,13 @@ fn peak(curve: &[f64]) -> f64 {
     (index + shift) * STEP_S
 }
 
-/// Returns the indices of triples of samples that are one span apart.
+/// Returns the indices of triples of samples that are one span of 40 ms apart.
 fn pairs(run: &[FlightSample]) -> impl Iterator<Item = [usize; 3]> + '_ {
+    /// Times in files are rounded to microseconds.
+    const ROUNDING_S: f64 = 1e-6;
     // Each end is the first sample at least one span after the previous end.
     let ends = std::iter::successors((!run.is_empty()).then_some(0), |from: &usize| {
-        let due_s = run[*from].time_s + SPAN_S - 1e-6;
+        let due_s = run[*from].time_s + SPAN_S - ROUNDING_S;
         let later = run[*from..].partition_point(|sample| sample.time_s < due_s);
         Some(from + later).filter(|end| *end < run.len())
     });

@@ -101,15 +101,18 @@ pub fn weight(sigma: f64) -> f64 {
 }
 
 /// Returns the moment of inertia from a pendulum test, `J = m (g r (T/2π)² − r²)`, for a body that
-/// swings with period T about a pivot at distance r from its center of mass.
+/// swings with period T about a pivot at distance r from its center of mass. The axis of J is that
+/// of the swing, through the center of mass.
 ///
 /// # Errors
 ///
 /// Returns [`Error::Input`] if a value is out of range, or if the period is too short for any body.
 pub fn pendulum_inertia_kg_m2(mass_kg: f64, pivot_m: f64, period_s: f64) -> Result<f64> {
-    within("vehicle.mass_kg", mass_kg, 1e-3, 100.0)?;
-    within("pendulum_pivot_m", pivot_m, 1e-3, 10.0)?;
-    within("pendulum_period_s", period_s, 1e-3, 100.0)?;
+    /// Least mass, distance and period. Smaller values are probably in another unit.
+    const LEAST: f64 = 1e-3;
+    within("vehicle.mass_kg", mass_kg, LEAST, 100.0)?;
+    within("pendulum_pivot_m", pivot_m, LEAST, 10.0)?;
+    within("pendulum_period_s", period_s, LEAST, 100.0)?;
     // The equation T = 2π √((J + m r²) / (m g r)) is solved for J.
     let per_turn_s = period_s / std::f64::consts::TAU;
     let inertia = mass_kg * (GRAVITY_M_S2 * pivot_m * per_turn_s * per_turn_s - pivot_m * pivot_m);
@@ -225,7 +228,8 @@ fn are_figures(sigma: &[f64]) -> bool {
     sigma.iter().all(|sigma| sigma.is_finite() && *sigma > 0.0)
 }
 
-/// Returns the vertical acceleration in m/s² from the first source that changes.
+/// Returns the vertical acceleration in m/s² from the first source that changes, for the samples
+/// `air` in the air. Sources that do not change are added to `left_out`.
 fn accelerations(
     flight: &Flight,
     air: &Range<usize>,
@@ -242,7 +246,8 @@ fn accelerations(
     None
 }
 
-/// Returns the standard deviation from the estimate, for the first raw position that changes.
+/// Returns the standard deviation of the measured from the estimated position along x, y and z in
+/// m, for the first raw position that changes. Sources that do not change are added to `left_out`.
 fn measurement_sigma_m(
     flight: &Flight,
     air: &Range<usize>,
@@ -265,7 +270,8 @@ fn measurement_sigma_m(
 }
 
 /// Returns the standard deviation of `ẋ − (A x + B u)` with the model linearized at hover, over
-/// pairs of consecutive samples without a gap between them.
+/// pairs of consecutive samples without a gap between them. The result is per s for each of the
+/// nine states, which are those of [`state`].
 fn model_sigma(
     flight: &Flight,
     samples: &[FlightSample],
@@ -281,7 +287,7 @@ fn model_sigma(
     standard_deviation(&pairs.collect::<Vec<_>>()).into()
 }
 
-/// Splits samples into runs without gaps.
+/// Splits samples into runs without gaps of the log.
 fn runs<'a>(
     flight: &Flight,
     samples: &'a [FlightSample],
@@ -289,7 +295,8 @@ fn runs<'a>(
     samples.chunk_by(|a, b| a.time_s < b.time_s && !ends_at_gap(flight, a.time_s))
 }
 
-/// Returns the sum of the motors' values, each with its sign about an axis of the body.
+/// Returns the sum of the motors' values in their unit, each with its sign about an axis of the
+/// body (0 to 2 for x to z).
 fn signed_sum(axis: usize, motors: &[f64; 4]) -> f64 {
     (0..4).map(|motor| MOTOR_SIGNS[(axis, motor)] * motors[motor]).sum()
 }
@@ -305,7 +312,8 @@ fn state(sample: &FlightSample) -> SVector<f64, 9> {
     SVector::from([o.x, o.y, o.z, a.yaw_rad, a.pitch_rad, a.roll_rad, v.x, v.y, v.z])
 }
 
-/// Returns `A x + B u` of the observer's model at hover.
+/// Returns `A x + B u` of the observer's model at hover, the time derivatives of position, yaw,
+/// pitch, roll and velocity.
 fn model(sample: &FlightSample, acceleration_z_m_s2: f64) -> SVector<f64, 9> {
     let (a, v, w) = (sample.attitude, sample.velocity_body_m_s, sample.rate_body_rad_s);
     let g = GRAVITY_M_S2;

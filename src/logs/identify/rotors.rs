@@ -15,8 +15,9 @@ const FREE_M: f64 = 0.15;
 /// Number of samples on each side over which the climb rate is measured.
 const CLIMB: usize = 10;
 
-/// Returns each motor's thrust integrated from each sample to the next, in units of commands. Rotor
-/// speeds follow the square root of the command, and thrust is the square of the speed.
+/// Returns each motor's thrust integrated from each sample to the next, in units of commands times
+/// s. Rotor speeds follow the square root of the command with the lag, and thrust is the square of
+/// the speed.
 pub(super) fn impulses(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 4]> {
     let wanted = roots(run);
     let Some(mut speed) = wanted.first().copied() else { return Vec::new() };
@@ -36,7 +37,7 @@ pub(super) fn impulses(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 4]> {
     }))
 }
 
-/// Returns the square root of the command at each sample, interpolated between commands.
+/// Returns the square root of each motor's command at each sample, interpolated between commands.
 fn roots(run: &[FlightSample]) -> Vec<[f64; 4]> {
     let mut line = Vec::with_capacity(run.len());
     for held in run.chunk_by(|a, b| a.motors == b.motors) {
@@ -105,7 +106,7 @@ pub(super) fn thrust_per_command_n(
     product / square
 }
 
-/// Returns the climb rate around a sample.
+/// Returns the climb rate around the sample `index`, m/s.
 fn climb_m_s(run: &[FlightSample], index: usize) -> f64 {
     let (before, after) = (index.saturating_sub(CLIMB), (index + CLIMB).min(run.len() - 1));
     let lasts_s = run[after].time_s - run[before].time_s;

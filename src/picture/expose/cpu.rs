@@ -25,8 +25,8 @@ const BAND_PIXELS: u64 = 1 << 19;
 /// Number of counts in a page of memory.
 const PAGE: usize = 1024;
 
-/// Adds up the light of a latent image in at most `n_bands` bands of rows. Returns the counts of
-/// three planes.
+/// Adds up the light of a latent image in at most `n_bands` bands of rows, which are processed in
+/// parallel. Returns the counts of red, green and blue, one plane after another.
 pub(super) fn splat(n_bands: u64, latent: &Latent) -> Vec<u32> {
     let [width, height] = latent.size_px.map(|px| px as usize);
     let mut counts = dark_counts(latent);
@@ -46,7 +46,7 @@ pub(super) fn splat(n_bands: u64, latent: &Latent) -> Vec<u32> {
     counts
 }
 
-/// Returns the counts of three planes without light.
+/// Returns the counts of red, green and blue without light, one plane after another.
 pub(super) fn dark_counts(latent: &Latent) -> Vec<u32> {
     let [width, height] = latent.size_px.map(|px| px as usize);
     let mut counts = vec![0_u32; 3 * width * height];
@@ -111,7 +111,8 @@ fn splat_band(latent: &Latent, tiles: &mut Tiles, planes: &mut [&mut [u32]]) {
     }
 }
 
-/// Adds the light of a record of `N` spots to the tiles, in some columns and rows of its box.
+/// Adds the light of a record of `N` spots to the tiles, in some columns and rows of its box. Both
+/// are pixels of the picture.
 #[inline(always)]
 fn add<const N: usize>(
     record: &Record,

@@ -53,7 +53,8 @@ pub(super) struct Curves {
 }
 
 impl Curves {
-    /// Computes the curves of a record for a film with `counts_per_lx_s`.
+    /// Computes the curves of a record for a film with `counts_per_lx_s`: one along the rows and
+    /// one across them for each spot.
     #[inline(always)]
     pub(super) fn draw(&mut self, record: &Record, counts_per_lx_s: f64) {
         let (width, height) = (record.width as usize, record.height as usize);
@@ -151,7 +152,8 @@ impl Curves {
     }
 }
 
-/// Writes the exponents of 2 of a Gaussian of σ = 1 / `per_px` to the first `pixels` values.
+/// Writes the exponents of 2 of a Gaussian of σ = 1 / `per_px` to the first `pixels` values. The
+/// middle is in pixels from the first value.
 #[inline(always)]
 fn exponents(out: &mut [f32], middle_px: f32, per_px: f32, pixels: usize) {
     // exp(-x² / 2) is 2 to the power of -x² / 2 · log2(e).
@@ -166,7 +168,7 @@ fn exponents(out: &mut [f32], middle_px: f32, per_px: f32, pixels: usize) {
 }
 
 /// Writes the curve of a line that extends `half_px` to either side and is blurred by a Gaussian of
-/// σ = 1 / `per_px`. The curve is 1 in the middle.
+/// σ = 1 / `per_px`. The curve is 1 in the middle, which is in pixels from the first value.
 #[inline(always)]
 fn blurred(out: &mut [f32], middle_px: f32, per_px: f32, half_px: f32) {
     let [middle_px, half_px] = [middle_px, half_px].map(f64::from);

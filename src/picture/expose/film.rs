@@ -28,7 +28,7 @@ const MIN_SCALE_LOG2: i32 = -128;
 /// Coarsest scale, at which the largest count is still far below the largest `f32`.
 const MAX_SCALE_LOG2: i32 = 64;
 
-/// Checks a scale.
+/// Returns [`Error::Input`] for a scale out of range. A count is 2 to its power, in lx s.
 pub(super) fn check_scale(scale_log2: i32) -> Result<()> {
     if (MIN_SCALE_LOG2..=MAX_SCALE_LOG2).contains(&scale_log2) {
         return Ok(());

@@ -125,7 +125,8 @@ impl Glow {
         self.bands.iter().flatten().map(|square| square.corner_px[1] as usize).min().unwrap_or(0)
     }
 
-    /// Adds the glow to a film. The bands are processed in parallel.
+    /// Adds the glow to a film, whose scale is at least that of
+    /// [`finest_scale_log2`](super::film::finest_scale_log2). The bands are processed in parallel.
     pub(super) fn add_to(&self, film: &mut FilmData) {
         let per_lx_s = libm::ldexp(1.0, -film.scale_log2);
         let (width, pixels) = (film.width_px as usize, film.counts.len() / 3);
@@ -157,7 +158,8 @@ impl Square {
 
     /// Adds the light, given in counts at the corners, to the square's band in the film's planes.
     /// The light is multiplied by the relative albedo, which `reflected` gives for each pixel of
-    /// the band, or else the floor's texture.
+    /// the band, or else the floor's texture. `unevenness` is the texture's largest deviation from
+    /// an albedo of 1.
     #[inline(always)]
     fn add_to(
         &self,
@@ -208,7 +210,7 @@ impl Square {
     }
 
     /// True if a source is above or beside the square, and lower than the square is wide. The
-    /// source is given by the point below it and its height.
+    /// source is given by the point below it and its height, all in pixels.
     fn is_under(&self, [x, y, height_px]: [f64; 3]) -> bool {
         let side = f64::from(self.side_px);
         let mut pairs = [x, y].into_iter().zip(self.corner_px);
@@ -295,8 +297,8 @@ impl<'a> Floor<'a> {
         std::array::from_fn(|n| exposures[n].map(|channel| channel * hits[n].3))
     }
 
-    /// Returns a square's corners on the texture of the floor. Returns `None` if a corner is not on
-    /// the floor, or if the square is too dark to show the texture.
+    /// Returns a square's corners on the texture of the floor, in nodes of the texture. Returns
+    /// `None` if a corner is not on the floor, or if the square is too dark to show the texture.
     fn on_texture(&self, square: &Square) -> Option<[[f32; 2]; 4]> {
         if square.peak_lx_s() * self.room.unevenness <= self.even_lx_s {
             return None;
@@ -311,8 +313,8 @@ impl<'a> Floor<'a> {
     }
 
     /// Appends an even square to `squares`, divides any other square, and drops dark squares.
-    /// `middle` is the exposure at its center, `feet_px` the points below sources that may be under
-    /// it.
+    /// `middle` is the exposure at its center in lx s. `feet_px` contains the points below sources
+    /// that may be under it, each with the source's height.
     fn divide(&self, square: Square, middle: Rgb, feet_px: &[[f64; 3]], squares: &mut Vec<Square>) {
         let Square { corner_px: [x, y], side_px, corners_lx_s: [nw, ne, sw, se], .. } = square;
         let (half, quarter) = (side_px / 2, side_px / 4);

@@ -81,7 +81,8 @@ impl Gpu {
     }
 
     /// Opens a device and runs the shader once. A driver compiles the shader at its first use,
-    /// which takes longer than exposing most films.
+    /// which takes longer than exposing most films. Returns [`Error::Gpu`] if there is no device or
+    /// it fails.
     pub(super) fn ready() -> Result<Self> {
         let gpu = Self::open()?;
         let part = Part { shift: 1, ..bytemuck::Zeroable::zeroed() };
@@ -96,7 +97,8 @@ impl Gpu {
         self.pipeline = pipeline(&self.device, shader);
     }
 
-    /// Adds up the light of a latent image, and returns the counts of three planes.
+    /// Adds up the light of a latent image. Returns the counts of red, green and blue, one plane
+    /// after another. Returns [`Error::Gpu`] if the device fails.
     pub(super) fn splat(&self, latent: &Latent) -> Result<Vec<u32>> {
         let [width, height] = latent.size_px.map(|px| px as usize);
         let max_tiles = (self.max_tiles_bytes / TILE_BYTES).min(MAX_TILES) as usize;
@@ -189,7 +191,8 @@ impl Gpu {
         self.queue.submit([encoder.finish()]);
     }
 
-    /// Waits for the device, and calls `use_counts` with the counts of `n` tiles in order.
+    /// Waits for the device, and calls `use_counts` with the counts of `n` tiles in order. Returns
+    /// [`Error::Gpu`] if the device failed.
     fn read(&self, tiles: &wgpu::Buffer, n: usize, use_counts: impl FnOnce(&[u32])) -> Result<()> {
         let out = if self.is_processor { tiles.clone() } else { self.copied(tiles, n) };
         let (sender, receiver) = std::sync::mpsc::channel();
@@ -215,7 +218,7 @@ impl Gpu {
     }
 }
 
-/// Compiles a shader.
+/// Compiles a shader in WGSL, whose entry point is `splat`.
 fn pipeline(device: &wgpu::Device, shader: &str) -> wgpu::ComputePipeline {
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("splat"),

@@ -41,7 +41,8 @@ pub(super) struct Chunk {
     pub(super) curves: Vec<[u32; SPOTS]>,
 }
 
-/// Returns the number of tiles across the picture, and the tiles that the records of a color touch.
+/// Returns the number of tiles across the picture, and the indices of the tiles that the records of
+/// a color touch, row by row.
 pub(super) fn lit_tiles(tint: &Tint, [width, height]: [u32; 2]) -> (usize, Vec<usize>) {
     let across = width.div_ceil(TILE_PX) as usize;
     let mut lit = vec![false; across * height.div_ceil(TILE_PX) as usize];
@@ -101,7 +102,7 @@ pub(super) fn chunks(
 }
 
 /// Returns the part of a record on a tile, whose index among the lit tiles is `slot`. `along` and
-/// `across` are the start indices of the record's curves.
+/// `across` are the start indices of the record's curves. `shift` is that of the curves.
 #[expect(clippy::cast_possible_truncation, reason = "tiles have fewer than 2^32 pixels")]
 fn part(
     record: &Record,

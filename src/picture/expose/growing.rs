@@ -50,7 +50,8 @@ impl GrowingFilm {
         self.n_drawn
     }
 
-    /// Returns the counts of a tint, computed from its earlier counts if there are any.
+    /// Returns the counts of a tint in one plane, computed from its earlier counts if there are
+    /// any.
     fn draw(&mut self, kept: Option<(Tint, Vec<u32>)>, tint: &Tint, latent: &Latent) -> Vec<u32> {
         let Some((before, mut plane)) = kept else {
             self.n_drawn += tint.records.len();
@@ -89,14 +90,14 @@ fn changes(before: &Tint, now: &Tint) -> [Vec<Record>; 2] {
 }
 
 impl Tint {
-    /// Returns the records of each lamp.
+    /// Returns the records of each lamp, in the order of the lamps.
     fn by_lamp(&self) -> Vec<&[Record]> {
         let starts = [0].into_iter().chain(self.lamp_ends.iter().copied());
         starts.zip(&self.lamp_ends).map(|(start, end)| &self.records[start..*end]).collect()
     }
 }
 
-/// Draws records into a single plane, at the scale of an image.
+/// Draws records into a single plane of counts, at the scale of an image.
 fn plane_of(records: Vec<Record>, latent: &Latent) -> Vec<u32> {
     let tint = Tint { fractions: [ALL, 0, 0], records, lamp_ends: Vec::new() };
     let alone = Latent { tints: vec![tint], glow: None, ..*latent };

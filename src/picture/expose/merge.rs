@@ -24,7 +24,7 @@ pub(super) struct Segment {
 }
 
 impl Segment {
-    /// Returns the part between two fractions of the length.
+    /// Returns the part between two fractions of the length, 0 to 1, with its part of the light.
     pub(super) fn part(&self, [from, to]: [f64; 2]) -> Self {
         let [start, end] = self.ends_px;
         let mean = 1.0 + self.ramp * (from + to - 1.0);
@@ -95,7 +95,7 @@ struct Merged {
 }
 
 impl Merged {
-    /// Starts a run with one interval.
+    /// Starts a run that consists of one interval.
     fn new(first: Interval) -> Self {
         let light = first.light();
         Self {
@@ -109,8 +109,8 @@ impl Merged {
         }
     }
 
-    /// Adds the interval if the run stays straight and even with it. Returns false if it would not.
-    /// The run is then complete.
+    /// Adds the interval if the run stays straight and even with it, within `tolerance_px`. Returns
+    /// false if it would not. The run is then complete.
     fn extend(&mut self, next: &Interval, tolerance_px: f64) -> bool {
         let [first_light, last_light] = self.span.light_lx_px2;
         let slack = UNEVENNESS * tolerance_px * first_light.max(last_light);
@@ -143,7 +143,8 @@ impl Merged {
     }
 
     /// Narrows the chords to those that pass the last sample, which is skipped if `next` joins the
-    /// run. Returns true if the chord to the end of `next` is among them.
+    /// run. Returns true if the chord to the end of `next` is among them. `slack_light` is the
+    /// tolerance of the light, in lx px².
     fn swing_doors(&mut self, next: &Interval, slack_light: f64, tolerance_px: f64) -> bool {
         let [start_s, end_s] = self.span.time_s;
         let [first_light, last_light] = self.span.light_lx_px2;

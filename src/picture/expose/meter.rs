@@ -103,7 +103,7 @@ impl LampReading {
         sum
     }
 
-    /// Returns the settings that would move the median to `target_stops`.
+    /// Returns the settings that would move the median to `target_stops`, relative to saturation.
     #[must_use]
     pub fn advice(&self, camera: &Camera, target_stops: f64) -> ExposureAdvice {
         let change_stops = target_stops - self.median_stops;
@@ -180,7 +180,8 @@ pub fn color_stops(trace: &LightTrace, camera: &Camera, name: &str) -> [Option<f
     })
 }
 
-/// Returns the segments of a lamp's trail inside the picture, with `fraction` of the lamp's light.
+/// Returns the segments of a lamp's trail inside the picture, with `fraction` of the lamp's light,
+/// 0 to 1.
 fn visible_segments(lamp: &Lamp, fraction: f64, camera: &Camera) -> Vec<Segment> {
     let mut segments = Vec::new();
     merge::merge(project::intervals(lamp, camera), fraction, MERGE_PX, &mut segments);
@@ -267,7 +268,8 @@ fn reading(lamp: &Lamp, segments: &[Segment], camera: &Camera) -> Option<LampRea
     })
 }
 
-/// Returns the parts of a trail that are brighter than a limit. A dark gap separates two parts.
+/// Returns the parts of a trail that are brighter than a limit, in stops relative to saturation.
+/// `stops` contains the exposure of each segment. A dark gap separates two parts.
 fn hot_spots(segments: &[Segment], stops: &[f64], limit_stops: f64) -> Vec<HotSpot> {
     let trail: Vec<(&Segment, f64)> = segments.iter().zip(stops.iter().copied()).collect();
     let runs = trail.chunk_by(|(a, stops), (b, next_stops)| {
@@ -285,7 +287,8 @@ fn hot_spots(segments: &[Segment], stops: &[f64], limit_stops: f64) -> Vec<HotSp
     spots.collect()
 }
 
-/// Returns the exposure in the middle of segment `i`, from this segment and those that adjoin it.
+/// Returns the exposure in the middle of segment `i`, from this segment and those that adjoin it,
+/// in lx s.
 fn exposure_lx_s(segments: &[Segment], i: usize) -> f64 {
     let point_px = segments[i].middle_px();
     let is_near = |s: &&Segment| {
@@ -335,7 +338,7 @@ fn rectangle_lx_s(segment: &Segment, point_px: Px) -> f64 {
 }
 
 /// Returns the light per pixel at a distance from the middle of a blurred line that extends `half`
-/// to either side. The whole line has a light of 1.
+/// to either side. Lengths are in pixels. The whole line has a light of 1.
 fn density(from_middle: f64, half: f64, sigma: f64) -> f64 {
     let half = half.max(MIN_HALF_SIGMA * sigma);
     let [lower, upper] = [from_middle - half, from_middle + half]

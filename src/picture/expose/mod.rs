@@ -254,7 +254,7 @@ impl Latent {
         Exposure::by_processor(self.develop_on_all())
     }
 
-    /// Adds up the light on a graphics device.
+    /// Adds up the light on a graphics device. Returns [`Error::Gpu`] if the device fails.
     fn on_gpu(&self, gpu: Gpu) -> Result<Exposure> {
         Ok(Exposure {
             film: self.film(gpu.splat(self)?),
@@ -272,7 +272,8 @@ impl Latent {
         (self.size_px, self.scale_log2) == (other.size_px, other.scale_log2)
     }
 
-    /// Returns a film with the counts of the lamps and the glow of the room.
+    /// Returns a film with the counts of the lamps, red, green and blue one after another, and the
+    /// glow of the room.
     fn film(&self, counts: Vec<u32>) -> Film {
         let [width_px, height_px] = self.size_px;
         let mut film = FilmData { width_px, height_px, counts, scale_log2: self.scale_log2 };
@@ -341,7 +342,7 @@ impl Drop for Developer {
     }
 }
 
-/// Checks that the camera and the options are in range and that a trace is not too long.
+/// Returns [`Error::Input`] if the camera or an option is out of range, or if a trace is too long.
 fn check(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result<()> {
     check_size(camera.width_px, camera.height_px)?;
     let ranges = [
@@ -371,7 +372,8 @@ fn check(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result
     Ok(())
 }
 
-/// Returns the records of all lamps, grouped by color. Fails above [`MAX_SAMPLES`] segments.
+/// Returns the records of all lamps, grouped by color. Returns [`Error::Input`] above
+/// [`MAX_SAMPLES`] segments.
 fn tints(trace: &LightTrace, camera: &Camera, merge_tolerance_px: f64) -> Result<Vec<Tint>> {
     let mut tints: Vec<Tint> = Vec::new();
     let (mut segments, mut n) = (Vec::new(), 0);

@@ -117,7 +117,7 @@ struct Lens<'a> {
 }
 
 impl<'a> Lens<'a> {
-    /// Computes the quantities that are the same for all samples.
+    /// Computes the quantities that are the same for all samples of a lamp.
     fn new(camera: &'a Camera, emitter: &'a Emitter) -> Self {
         let pitch_m = camera.pixel_pitch_m();
         let radius_m = camera.focal_length_m / (2.0 * camera.f_number);

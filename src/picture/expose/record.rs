@@ -115,7 +115,8 @@ impl Record {
         ]
     }
 
-    /// Returns the dither at a pixel of the picture inside the box.
+    /// Returns the threshold for rounding at a pixel of the picture inside the box, in units of
+    /// 2⁻³².
     #[inline(always)]
     pub(super) fn dither_at(&self, x: u32, y: u32) -> u32 {
         let [i, j] =

@@ -48,7 +48,8 @@ pub(crate) struct Room {
 }
 
 impl Room {
-    /// Returns the surfaces that face a camera. A camera outside the room sees through the wall.
+    /// Returns the surfaces that face a camera at `camera_m`. A camera outside the room sees
+    /// through the wall.
     pub(crate) fn new(options: &ExposeOptions, camera_m: Vector3<f64>) -> Self {
         let ExposeOptions { floor_z_m, floor_albedo, floor_roughness, wall_albedo, .. } = *options;
         let floor = Surface::matte(Vector3::z(), floor_z_m, floor_albedo);
@@ -79,7 +80,7 @@ impl Room {
         Some((i, self.camera_m + ray * distance))
     }
 
-    /// Returns the texture coordinates of a point on surface `on`.
+    /// Returns the texture coordinates of a point on surface `on`, in nodes of the texture.
     pub(super) fn on_texture(&self, on: usize, point_m: Vector3<f64>) -> [f32; 2] {
         let normal = self.surfaces[on].normal;
         texture::on_tile(match (normal.x != 0.0, normal.y != 0.0) {
@@ -136,7 +137,8 @@ impl Room {
 }
 
 impl Surface {
-    /// Returns a surface without sheen, whose points satisfy `normal · p = at_m`.
+    /// Returns a surface without sheen, whose points satisfy `normal · p = at_m`. It reflects the
+    /// fraction `albedo` of the light.
     pub(super) fn matte(normal: Vector3<f64>, at_m: f64, albedo: f64) -> Self {
         Self { normal, at_m, albedo, roughness: None }
     }
@@ -152,7 +154,8 @@ impl Surface {
     }
 
     /// Returns the light that a floor with sheen reflects from one direction to another, relative
-    /// to a matte floor. Both directions are unit vectors away from the surface.
+    /// to a matte floor. Both directions are unit vectors away from the surface. A `roughness` of 1
+    /// is matte, and one near 0 is a mirror.
     pub(super) fn sheen(&self, roughness: f64, from: Vector3<f64>, to: Vector3<f64>) -> f64 {
         // Facets along the half vector act as mirrors: D = α² / (π (cos² (α² - 1) + 1)²).
         let half = (from + to).normalize();

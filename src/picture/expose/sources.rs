@@ -80,7 +80,7 @@ pub(super) fn trees<'a>(trace: &'a LightTrace, camera: &Camera, floor_z_m: f64) 
 }
 
 /// Divides a lamp's path into points between which the lamp moves little relative to its height.
-/// The level of each point is multiplied by its duration.
+/// The level of each point is multiplied by its duration in s.
 fn points(samples: &[LightSample], camera: &Camera, floor_z_m: f64) -> Vec<LightSample> {
     let mut points: Vec<LightSample> = Vec::new();
     let mut start_m: Option<Vector3<f64>> = None;
@@ -120,7 +120,8 @@ fn points(samples: &[LightSample], camera: &Camera, floor_z_m: f64) -> Vec<Light
     points
 }
 
-/// Appends the branch that contains all `sources`, followed by its children.
+/// Appends the branch that contains all `sources`, followed by its children, which have less
+/// extent.
 fn grow(sources: Vec<Source>, floor_z_m: f64, branches: &mut Vec<Branch>) {
     let Some(first) = sources.first() else { return };
     // The branch's combined source has the sum of the light, at the light-weighted mean position.
@@ -171,7 +172,8 @@ static PATCH: LazyLock<Emitter> = LazyLock::new(|| Emitter {
     depth_m: None,
 });
 
-/// Returns sources that emit the light reflected by a room's floor, one for each square.
+/// Returns sources that emit the light reflected by a room's floor, one for each square. The floor
+/// reflects the fraction `albedo` of the light.
 ///
 /// The exposure of a square is computed at the point one side length below its center. A lamp close
 /// to the floor then neither illuminates a single square too much nor is missed between squares.
@@ -204,8 +206,8 @@ pub(super) fn reflected(
     Tree { emitter: &PATCH, branches }
 }
 
-/// Returns the exposure at points of a surface. On a surface with sheen, light is weighted by its
-/// reflection toward a unit vector at each point, relative to a matte surface.
+/// Returns the exposure in lx s at points of a surface. On a surface with sheen, light is weighted
+/// by its reflection toward a unit vector at each point, relative to a matte surface.
 ///
 /// The points are computed together because they are close to each other and mostly open the same
 /// branches. The result has the same bits as if each point were computed separately.

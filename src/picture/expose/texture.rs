@@ -32,14 +32,15 @@ static TILE: LazyLock<Vec<f32>> = LazyLock::new(|| {
     tile
 });
 
-/// Converts a point of a surface in meters to a point on the tile, which repeats.
+/// Converts a point of a surface in m to a point on the tile, in nodes. The tile repeats.
 pub(super) fn on_tile(point_m: [f64; 2]) -> [f32; 2] {
     // Moves the point by whole tiles, so that no coordinate in a room is negative.
     let offset = f64::from(1 << 17);
     point_m.map(|point_m| narrow((point_m / STEP_M).clamp(-offset, offset) + offset))
 }
 
-/// Returns the deviation of the albedo at a point on the tile, with bilinear interpolation.
+/// Returns the deviation of the albedo at a point of the tile, in units of its standard deviation,
+/// with bilinear interpolation. The point is in samples of the tile, which repeats.
 #[inline(always)]
 pub(super) fn deviation(point: [f32; 2]) -> f32 {
     let tile = &*TILE;
@@ -47,7 +48,7 @@ pub(super) fn deviation(point: [f32; 2]) -> f32 {
 }
 
 /// Interpolates bilinearly between the four nodes around a point. `node` returns the value at whole
-/// coordinates.
+/// coordinates, and the result is in its unit.
 #[inline(always)]
 fn bilinear(node: impl Fn(usize, usize) -> f32, [x, y]: [f32; 2]) -> f32 {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 2^24")]

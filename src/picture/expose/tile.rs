@@ -27,7 +27,8 @@ pub(super) struct Tiles {
 }
 
 impl Tiles {
-    /// Returns dark tiles for some rows of a picture with a given width.
+    /// Returns dark tiles for some rows of a picture with a given width. Rows are `stride` counts
+    /// apart in memory.
     pub(super) fn new(rows: Range<u32>, width: usize, stride: usize) -> Self {
         let tiles = width.div_ceil(TILE_PX[0]) * rows.len().div_ceil(TILE_PX[1]);
         let counts = vec![0; stride * rows.len()];
@@ -58,6 +59,7 @@ impl Tiles {
             }
             let [x, y] = [tile % tiles_across * TILE_PX[0], tile / tiles_across * TILE_PX[1]];
             let size = [TILE_PX[0].min(self.width - x), TILE_PX[1].min(self.rows.len() - y)];
+            // The tile's place is given as stride and start, in the counts and in the planes.
             let light = &mut self.counts[y * self.stride..][..size[1] * self.stride];
             count(
                 light,
@@ -90,7 +92,7 @@ pub(super) fn count(
     }
 }
 
-/// Adds a fraction of light, relative to [`ALL`] and rounded, to counts.
+/// Adds a fraction of light, relative to [`ALL`] and rounded, to counts pixel by pixel.
 #[inline(always)]
 fn add(counts: &mut [u32], light: &[u32], fraction: u32) {
     match fraction {

@@ -136,7 +136,7 @@ pub fn read(text: &[u8], file: &str) -> Result<Warned<LightTrace>> {
 }
 
 /// Renames titles to those of [`COLUMNS`]. If several titles mean the same column, the first is
-/// used. Returns the units that the titles contain, and the titles of all other columns.
+/// used. Returns the units that the titles contain, in s or m, and the titles of all other columns.
 fn rename_titles(titles: &mut [String]) -> (BTreeMap<&'static str, Option<f64>>, Vec<String>) {
     let (mut units, mut others) = (BTreeMap::new(), Vec::new());
     for title in titles {
@@ -166,7 +166,7 @@ fn unit_from_steps_s(table: &Table, warnings: &mut Vec<String>) -> Result<f64> {
 }
 
 /// Returns the unit of the colors in cd. Whole numbers up to 255 are levels, except in a light
-/// trace. Warns of numbers that look like levels.
+/// trace (`is_trace`). Warns of numbers that look like levels.
 fn unit_cd(table: &Table, is_trace: bool, warnings: &mut Vec<String>) -> f64 {
     let colors = ["r", "g", "b"].into_iter().filter_map(|name| table.column(name).ok()).flatten();
     let largest = colors.clone().copied().fold(0.0, f64::max);

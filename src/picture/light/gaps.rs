@@ -129,14 +129,14 @@ fn between_angles(from_rad: f64, to_rad: f64, u: f64) -> f64 {
     from_rad + (to_rad - from_rad - turns * std::f64::consts::TAU) * u
 }
 
-/// Returns the mean velocity over samples, or `None` if they have no duration.
+/// Returns the mean velocity over samples in m/s, or `None` if they have no duration.
 fn velocity_m_s(samples: &[FlightSample]) -> Option<Vector3<f64>> {
     let (first, last) = (samples.first()?, samples.last()?);
     let duration_s = last.time_s - first.time_s;
     (duration_s > 0.0).then(|| (last.position_m - first.position_m) / duration_s)
 }
 
-/// Returns the 95 % quantile of a flight's acceleration over time, outside of its gaps.
+/// Returns the 95 % quantile of a flight's acceleration over time in m/s², outside of its gaps.
 fn acceleration_m_s2(flight: &Flight) -> f64 {
     let runs = spaced(flight, &flight.samples);
     let accelerations = runs.iter().flat_map(|run| run.windows(3)).map(|triple| {
@@ -148,7 +148,8 @@ fn acceleration_m_s2(flight: &Flight) -> f64 {
     weighted_quantile(&mut accelerations.collect::<Vec<_>>(), LARGEST).unwrap_or(0.0)
 }
 
-/// Returns the 95 % quantile of a flight's speed over its time in the air, outside of its gaps.
+/// Returns the 95 % quantile of a flight's speed over its time in the air in m/s, outside of its
+/// gaps.
 fn speed_m_s(flight: &Flight) -> f64 {
     let air = airborne(flight).unwrap_or(0..flight.samples.len());
     let runs = spaced(flight, &flight.samples[air]);

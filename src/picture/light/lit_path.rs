@@ -73,8 +73,8 @@ impl Straight {
         Self { first, last, chords: Chords::ALL }
     }
 
-    /// Extends the run to the next pose. If the run would not stay straight, returns false and
-    /// leaves it unchanged.
+    /// Extends the run to the next pose. If the run would not stay straight within `tolerance_m`,
+    /// returns false and leaves it unchanged.
     fn extend(&mut self, next: &Pose, tolerance_m: f64) -> bool {
         // On each of 3 axes, half of the tolerance is for the position and half for the rotation.
         let slack_m = 0.5 * tolerance_m / 3.0_f64.sqrt();
@@ -181,7 +181,7 @@ fn knots(changes: &[Change]) -> Vec<Change> {
     knots
 }
 
-/// Returns the level at `time_s`, which is between the knots before `next` and the others.
+/// Returns the level, 0 to 1, at `time_s`, which is between the knots before `next` and the others.
 fn level_at(knots: &[Change], next: usize, time_s: f64) -> f64 {
     let Some(last) = next.checked_sub(1).map(|index| knots[index]) else { return 0.0 };
     match knots.get(next) {
@@ -217,6 +217,7 @@ impl Mount {
 }
 
 /// Interpolates position and axis of a lamp at `time_s`, which is clamped to the samples' times.
+/// The level is 0.
 fn between(a: LightSample, b: LightSample, time_s: f64) -> LightSample {
     let span_s = b.time_s - a.time_s;
     let fraction = if span_s > 0.0 { ((time_s - a.time_s) / span_s).clamp(0.0, 1.0) } else { 1.0 };

@@ -58,7 +58,8 @@ impl Rules for LightTraceData {
     }
 }
 
-/// Checks that a lamp's numbers are finite and within range, and its samples sorted by time.
+/// Returns [`Error::Input`] for a lamp with numbers that are not finite or out of range, or with
+/// samples that are not sorted by time.
 fn check_lamp(lamp: &Lamp) -> Result<()> {
     check_emitter(&lamp.emitter)?;
     let (name, mut previous_s) = (&lamp.emitter.name, f64::NEG_INFINITY);
@@ -92,7 +93,7 @@ fn check_lamp(lamp: &Lamp) -> Result<()> {
 /// Maximum level of a sample. Levels above 1 are unusual, but a film can store them.
 const MAX_LEVEL: f64 = 1e3;
 
-/// Checks that an emitter's numbers are within range.
+/// Returns [`Error::Input`] for an emitter with a number out of range.
 fn check_emitter(emitter: &Emitter) -> Result<()> {
     let Emitter {
         name,
@@ -226,8 +227,8 @@ pub struct Emitter {
 }
 
 impl Emitter {
-    /// Returns the luminous intensity at level 1 in a direction, given by the cosine of its angle
-    /// from the axis.
+    /// Returns the luminous intensity in cd at level 1 in a direction, given by the cosine of its
+    /// angle from the axis.
     #[must_use]
     pub fn intensity_cd(&self, cos_off_axis: f64) -> f64 {
         self.intensity_cd * self.relative_intensity(cos_off_axis)
@@ -290,7 +291,7 @@ pub fn light(flight: &Flight, options: &LightOptions, seed: u64, drone: u64) -> 
     LightTrace::new(trace)
 }
 
-/// Returns an error for a flight that has none of the channels that the lamps follow.
+/// Returns [`Error::Input`] for a flight that has none of the channels that the lamps follow.
 fn check_channels(flight: &Flight, fixtures: &[Fixture]) -> Result<()> {
     let mut drives = fixtures.iter().map(|fixture| &fixture.drive);
     let commanded = drives.find(|drive| matches!(drive, Drive::Command(_)));
@@ -399,7 +400,7 @@ fn largest(levels: &[f64]) -> f64 {
     levels.iter().copied().fold(0.0, f64::max)
 }
 
-/// Returns the emitter that the dies of a lamp form together at these levels.
+/// Returns the emitter that the dies of a lamp form together at these levels, 0 to 1.
 pub(crate) fn emitter(fixture: &Fixture, levels: &[f64]) -> Emitter {
     // In additive mixing, luminances and XYZ values add up.
     let (mut intensity_cd, mut mixture_xyz) = (0.0, [0.0; 3]);

@@ -51,7 +51,7 @@ impl<'a> Programs<'a> {
         Self { flight, options, seed, drone, begin_s, end_s, ring: OnceCell::new() }
     }
 
-    /// Returns the level changes of each die. All dies are dark before their first change.
+    /// Returns the level changes of each die, 0 to 1. All dies are dark before their first change.
     pub(super) fn changes(&self, fixture: &Fixture) -> Vec<Vec<Change>> {
         let changes = match (&fixture.drive, self.bitmask(fixture)) {
             (_, Some(level)) => self.steady(level),
@@ -72,14 +72,16 @@ impl<'a> Programs<'a> {
         vec![Change { time_s: self.begin_s, level }]
     }
 
-    /// Returns the level that `led.bitmask` sets, or `None` if it does not control the lamp.
+    /// Returns the level, 0 or 1, that `led.bitmask` sets, or `None` if it does not control the
+    /// lamp.
     fn bitmask(&self, fixture: &Fixture) -> Option<f64> {
         let mask = self.options.led_bitmask;
         let bit = fixture.bitmask_bit.filter(|_| mask & BITMASK_ENABLED != 0)?;
         Some(f64::from(mask >> bit & 1))
     }
 
-    /// Returns the changes of a lamp that follows a channel of the plan over the radio.
+    /// Returns the changes of a lamp that follows a channel of the plan over the radio, from the
+    /// times at which commands take effect.
     fn commanded(&self, channel: &str) -> Vec<Change> {
         let chance = Chance::new(self.seed, self.drone, channel);
         let levels = self.flight.lights.get(channel).map_or(&[][..], |levels| levels);
@@ -87,7 +89,8 @@ impl<'a> Programs<'a> {
         Timer { period_s: self.options.tick_s, phase_s: 0.0 }.hold(&arrivals)
     }
 
-    /// Returns the changes of a lamp that is lit for `on_s` in each period of the flight.
+    /// Returns the changes of a lamp that is lit for `on_s` in each period of the flight. The first
+    /// period begins at `phase_s`.
     fn blink(&self, on_s: f64, period_s: f64, phase_s: f64) -> Vec<Change> {
         let timer = Timer { period_s, phase_s };
         let mut changes = Vec::new();
@@ -103,7 +106,8 @@ impl<'a> Programs<'a> {
         changes
     }
 
-    /// Returns the changes of a lamp with random flashes, averaged over [`FLICKER_S`].
+    /// Returns the changes of a lamp with random flashes, `flashes_hz` on average and each of
+    /// `flash_s`. The level is averaged over [`FLICKER_S`].
     fn flicker(&self, name: &str, flashes_hz: f64, flash_s: f64) -> Vec<Change> {
         let chance = Chance::new(self.seed, self.drone, name);
         let timer = Timer { period_s: FLICKER_S, phase_s: self.begin_s };
@@ -206,6 +210,7 @@ pub fn ring_rgb(srgb: [u8; 3]) -> [u8; 3] {
 
 /// Returns the bytes for red, green and blue dies whose light is closest to an sRGB color, by the
 /// largest channel difference on a screen. `cd` gives the luminous intensity of a die at a byte.
+/// White has the intensity `white_cd`.
 fn closest_bytes(
     dies: &[Die],
     srgb: [u8; 3],

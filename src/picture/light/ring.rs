@@ -105,7 +105,7 @@ struct Fade {
 }
 
 impl Ring {
-    /// Returns the state at the start of a flight.
+    /// Returns the state at the start of a flight, from the first levels of its channels.
     fn at_start(flight: &Flight, options: &LightOptions) -> Self {
         let initial = |channel: usize| flight.lights.get(CHANNELS[channel])?.first().copied();
         let on = initial(0).is_none_or(|level| level > 0.0);
@@ -179,7 +179,7 @@ impl Fade {
         shown.map(cut)
     }
 
-    /// Returns the present color between the two ends of the fade.
+    /// Returns the present color between the two ends of the fade, 0 to 255 in each channel.
     fn present_color(&self) -> [f32; 3] {
         let is_fading = self.remaining_s > 0.0;
         let remaining = if is_fading { self.remaining_s / self.duration_s } else { 0.0 };

@@ -46,7 +46,8 @@ struct Picture {
 }
 
 impl Backdrop {
-    /// Prepares the light of a room, and reads the background picture if there is one.
+    /// Prepares the light of a room, and reads the background picture if there is one. `white_lx_s`
+    /// is the exposure of white. Returns [`Error::Input`] for a background that cannot be read.
     pub(super) fn new(
         camera: &Camera,
         room: &ExposeOptions,
@@ -74,7 +75,8 @@ impl Backdrop {
         })
     }
 
-    /// Adds the room's light to a row before the sensor reads it. A background replaces this light.
+    /// Adds the room's light to row `y` before the sensor reads it, relative to white. A background
+    /// replaces this light.
     pub(super) fn add_room(&self, y: usize, rows: &mut [Vec<f32>; 3]) {
         if self.picture.is_some() || self.room == [0.0; 3] {
             return;
@@ -132,8 +134,8 @@ impl Backdrop {
         row
     }
 
-    /// Returns the surface at a point of the picture, if there is one, and its luminance relative
-    /// to the middle of a wall.
+    /// Returns the surface at a point of the picture in pixels, if there is one, and its luminance
+    /// relative to the middle of a wall.
     fn luminance(&self, camera: &Camera, room: &Room, x: f64, y: f64) -> (Option<usize>, f32) {
         let hit = camera.world_from_image(x, y).and_then(|ray| room.intersection(ray));
         let luminance = hit.map_or(0.0, |(on, point_m)| {
@@ -180,7 +182,8 @@ const DARKEST_LEVEL: usize = 4;
 const BRIGHTEST: f32 = 4.0;
 
 impl Picture {
-    /// Reads a background picture and scales it so that it covers the photo.
+    /// Reads a background picture and scales it so that it covers the photo. Returns the errors of
+    /// [`super::read`].
     fn read(path: &str, camera: &Camera, options: &PhotoOptions) -> Result<Self> {
         // A web page has no access to files, and its module has no decoder for photos.
         if cfg!(target_family = "wasm") {
@@ -201,7 +204,8 @@ impl Picture {
         Ok(Self { background, light, scale, columns })
     }
 
-    /// Adds the picture to a row by bilinear interpolation of linear light. The sum is at most 1.
+    /// Adds the picture to row `y` by bilinear interpolation of linear light relative to white. The
+    /// sum is at most 1.
     fn add(&self, y: usize, center_y_px: f32, rows: &mut [Vec<f32>; 3]) {
         let from_center_px = y as f64 + 0.5 - f64::from(center_y_px);
         let ([above, below], down) = between(from_center_px, self.scale, self.background.height_px);
@@ -219,8 +223,8 @@ impl Picture {
     }
 }
 
-/// Returns the two of `n` pixels around a position, which is given relative to the middle, and the
-/// weight of the second one.
+/// Returns the two of `n` pixels around a position, and the weight of the second one. The position
+/// is given relative to the middle in pixels of the photo, each of which is `scale` pixels wide.
 fn between(from_middle: f64, scale: f64, n: u32) -> ([usize; 2], f32) {
     let position = from_middle * scale + f64::from(n) / 2.0 - 0.5;
     let position = position.clamp(0.0, f64::from(n - 1));

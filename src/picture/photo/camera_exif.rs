@@ -101,8 +101,8 @@ struct Photograph {
 }
 
 impl Photograph {
-    /// Sets body, lens, exposure and aspect ratio of a camera. Fails if the photograph lacks tags
-    /// that a camera needs.
+    /// Sets body, lens, exposure and aspect ratio of a camera. Returns [`Error::Input`] if the
+    /// photograph lacks tags that a camera needs. `place` is its name in errors.
     fn set(&mut self, camera: &mut CameraOptions, place: &str) -> Result<()> {
         let body = self.text(Tag::Model).and_then(|model| BodyModel::from_exif_model(&model));
         let focal_length_m = self.number(Tag::FocalLength).map(|mm| mm / 1000.0);
@@ -149,22 +149,22 @@ impl Photograph {
         Ok(())
     }
 
-    /// Returns the error for needed tags that are missing or 0.
-    fn incomplete(&self, needed: &[Needed], place: &str) -> Error {
+    /// Returns the error for needed tags that are missing or 0. `place` is the photograph's name.
+    fn incomplete(&self, needed: &[Needed; 5], place: &str) -> Error {
+        let [(_, focal_key, _), (.., sensor_width_m), ..] = needed;
         // Cameras write 0 for an unknown value, which needs a different hint than a missing tag.
         let is_zero =
             |tag| self.value(tag).is_some() && self.signed(tag).is_none_or(|value| value <= 0.0);
         let film_mm = self
             .number(Tag::FocalLengthIn35mmFilm)
-            .filter(|_| self.value(Tag::FocalLength).is_none() && needed[1].2.is_none());
+            .filter(|_| self.value(Tag::FocalLength).is_none() && sensor_width_m.is_none());
         let (mut empty, mut missing) = (Vec::new(), Vec::new());
         for (tag, key, _) in needed.iter().filter(|(.., value)| value.is_none()) {
             match (*tag, film_mm) {
                 (tag, _) if is_zero(tag) => empty.push(format!("{tag} = 0 (give {key})")),
                 (Tag::FocalLength, Some(_)) => {}
                 (tag @ Tag::FocalLengthIn35mmFilm, Some(mm)) => empty.push(format!(
-                    "{tag} = {mm} without FocalLength (give {} and {key})",
-                    needed[0].1
+                    "{tag} = {mm} without FocalLength (give {focal_key} and {key})"
                 )),
                 (tag @ Tag::FocalLengthIn35mmFilm, None) => missing.push(format!(
                     "{tag} (or FocalPlaneXResolution with PixelXDimension, or a known camera \
@@ -229,7 +229,7 @@ impl Photograph {
         }
     }
 
-    /// Returns the sensor width of an unknown camera from tags that were written together, or
+    /// Returns the sensor width in m of an unknown camera from tags that were written together, or
     /// `None` if there are none. Warns if the width is a guess.
     fn sensor_width_m(&mut self, focal_length_m: Option<f64>) -> Option<f64> {
         let film_width_m = self.equivalent_width_m(focal_length_m);
@@ -269,9 +269,9 @@ impl Photograph {
         Some(width_m)
     }
 
-    /// Returns the number of pixels across, the sensor width computed from the resolution, and true
-    /// if both were certainly written together, or `None` without the tags. Warns of an unknown
-    /// unit if the width is needed.
+    /// Returns the number of pixels across, the sensor width in m computed from the resolution, and
+    /// true if both were certainly written together. Returns `None` without the tags. Warns of an
+    /// unknown unit if `is_needed` is true.
     fn resolution_width_m(&mut self, is_needed: bool) -> Option<(f64, f64, bool)> {
         let unit_m = match self.number(Tag::FocalPlaneResolutionUnit) {
             None | Some(2.0) => 0.0254, // inches by default
@@ -291,15 +291,16 @@ impl Photograph {
         Some((pixels, canon.unwrap_or(pixels / per_unit) * unit_m, canon.is_some()))
     }
 
-    /// Returns the width and height that the tags give.
+    /// Returns the width and height in pixels that the tags give, or `None` without the tags.
     fn tagged_size_px(&self) -> Option<[f64; 2]> {
         let side = |tag, or| self.number(tag).or_else(|| self.number(or));
         let width = side(Tag::PixelXDimension, Tag::ImageWidth)?;
         Some([width, side(Tag::PixelYDimension, Tag::ImageLength)?])
     }
 
-    /// Returns the sensor width computed from the focal length and its equivalent on 35 mm film,
-    /// for the picture's aspect ratio, or `None` without tags. Warns of an impossible equivalent.
+    /// Returns the sensor width in m computed from the focal length and its equivalent on 35 mm
+    /// film, for the picture's aspect ratio. Returns `None` without tags. Warns of an impossible
+    /// equivalent.
     fn equivalent_width_m(&mut self, focal_length_m: Option<f64>) -> Option<f64> {
         let film_mm = self.number(Tag::FocalLengthIn35mmFilm)?;
         if !FILM_MM.contains(&film_mm) {
@@ -342,7 +343,8 @@ impl Photograph {
             .then(|| format!("the picture was taken at {taken} and changed at {written}"))
     }
 
-    /// Returns the sensitivity from the first tag that can represent it.
+    /// Returns the ISO sensitivity from the first tag that can represent it, or `None` without such
+    /// a tag.
     fn iso(&self) -> Option<f64> {
         let others = [Tag::ISOSpeed, Tag::RecommendedExposureIndex, Tag::StandardOutputSensitivity];
         match self.number(Tag::PhotographicSensitivity) {
@@ -397,7 +399,8 @@ impl Photograph {
         self.signed(tag).filter(|value| *value > 0.0)
     }
 
-    /// Returns the first value of a tag as a finite number of any sign.
+    /// Returns the first value of a tag as a finite number of any sign, in the unit of EXIF.
+    /// Returns `None` for a missing tag.
     fn signed(&self, tag: Tag) -> Option<f64> {
         let value = match self.value(tag)? {
             Value::Rational(values) => values.first()?.to_f64(),
@@ -409,7 +412,7 @@ impl Photograph {
         value.is_finite().then_some(value)
     }
 
-    /// Returns the first line of a tag's text.
+    /// Returns the first line of a tag's text, or `None` if the tag is missing or not a text.
     fn text(&self, tag: Tag) -> Option<String> {
         match self.value(tag)? {
             Value::Ascii(lines) => Some(String::from_utf8_lossy(lines.first()?).into_owned()),
@@ -455,7 +458,7 @@ const RAW_FILES: [(&str, &[u8]); 12] = [
     ("Sigma X3F", b"FOVb"),
 ];
 
-/// Returns an error that names the format if a file is a raw file.
+/// Returns [`Error::Input`] with the name of the format if a file is a raw file.
 pub(super) fn refuse_raw(bytes: &[u8], place: &str) -> Result<()> {
     let raw = RAW_FILES.iter().find(|(_, signature)| {
         bytes.len() >= signature.len()
@@ -469,8 +472,8 @@ pub(super) fn refuse_raw(bytes: &[u8], place: &str) -> Result<()> {
 /// Diagonal of a 35 mm film frame, which is 36 by 24 mm.
 const FILM_DIAGONAL_M: f64 = 0.043_267;
 
-/// Returns the width on 35 mm film of a picture's longer side. `aspect` is the picture's aspect
-/// ratio, and the film is `film_by_sensor` times as large as the sensor.
+/// Returns the width in m on 35 mm film of a picture's longer side. `aspect` is the picture's
+/// aspect ratio, and the film is `film_by_sensor` times as large as the sensor.
 ///
 /// The aspect ratio of the sensor follows from its size. It is 3:2 for full frame, APS-C and
 /// one-inch sensors (2.7), and 4:3 for larger sensors, Micro Four Thirds (2.0) and smaller sensors.

@@ -55,7 +55,8 @@ pub struct Difference {
 }
 
 impl Difference {
-    /// Returns the mean error over pixels for whose index `mask` is true, or 0 if there are none.
+    /// Returns the mean error, 0 to 1, over pixels for whose index `mask` is true, or 0 if there
+    /// are none.
     #[must_use]
     pub fn mean(&self, mask: impl Fn(usize) -> bool) -> f64 {
         let masked = self.values.iter().enumerate().filter(|(index, _)| mask(*index));
@@ -150,9 +151,11 @@ impl Perceived {
 }
 
 impl Plane<Vec3> {
-    /// Filters colors by the contrast sensitivity of the eye, a sum of two separable Gaussians.
+    /// Returns the colors filtered by the contrast sensitivity of the eye, a sum of two separable
+    /// Gaussians.
     fn filtered(&self) -> Self {
-        // All channels use the same radius, as in the paper's reference program.
+        // All channels use the radius of three standard deviations of the widest Gaussian, as in
+        // the paper's reference program.
         let widest = SENSITIVITY.iter().map(|[_, b]| b.max_element()).fold(0.0, f32::max);
         let radius = (3.0 * (widest / (2.0 * PI * PI)).sqrt() * PIXELS_PER_DEGREE).ceil();
         let [(first, mut out), (second, wide)] = SENSITIVITY.map(|[a, b]| {
@@ -170,8 +173,8 @@ impl Plane<Vec3> {
 }
 
 impl Plane<f32> {
-    /// Returns the strengths of edges and of points, which are detected by the first and the second
-    /// derivative of a Gaussian, respectively.
+    /// Returns the strengths of edges and of points, 0 to 1, which are detected by the first and
+    /// the second derivative of a Gaussian, respectively.
     fn features(&self) -> [Self; 2] {
         let sigma = 0.5 * FEATURE_DEG * PIXELS_PER_DEGREE;
         let radius = (3.0 * sigma).ceil();
@@ -226,7 +229,8 @@ impl<T: Copy + Default + Add<Output = T> + Mul<Output = T>> Plane<T> {
     }
 }
 
-/// Returns the values of a function of degrees at whole pixels from `-radius` to `radius`.
+/// Returns the values of a function of degrees of the field of view at whole pixels from `-radius`
+/// to `radius`.
 fn kernel<T>(radius: f32, value: impl Fn(f32) -> T) -> Vec<T> {
     #[expect(clippy::cast_possible_truncation, reason = "some ten pixels")]
     let radius = radius as i32;
@@ -247,13 +251,14 @@ fn balanced(mut kernel: Vec<f32>) -> Vec<f32> {
     kernel
 }
 
-/// Converts XYZ to `YCxCz`, which is `L*a*b*` without the cube roots.
+/// Converts XYZ to `YCxCz`, which is `L*a*b*` without the cube roots. The constants are those of
+/// CIE 1976.
 fn opponent_from_xyz(xyz: Vec3) -> Vec3 {
     let Vec3 { x, y, z } = xyz / WHITE;
     Vec3::new(116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z))
 }
 
-/// Converts `YCxCz` to XYZ.
+/// Converts `YCxCz` to XYZ, as the inverse of [`opponent_from_xyz`].
 fn xyz_from_opponent(color: Vec3) -> Vec3 {
     let y = (color.x + 16.0) / 116.0;
     Vec3::new(y + color.y / 500.0, y, y - color.z / 200.0) * WHITE

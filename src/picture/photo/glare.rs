@@ -144,6 +144,7 @@ fn octaves([width, height]: [usize; 2], options: &PhotoOptions, pitch_m: f64) ->
 }
 
 /// Spreads a channel's scattered light over its octaves, and returns the light in the finest cells.
+/// The octaves' fractions are in units of 1 / [`WHOLE`].
 fn halo(cells: Plane, octaves: &[u32]) -> Plane {
     if cells.values.iter().all(|light| *light == 0) {
         return cells;

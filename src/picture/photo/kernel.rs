@@ -37,7 +37,7 @@ pub(super) const QUADRUPLE: Kernel<8> =
     Kernel { step: 4, first: -2, cumulative: [1, 4, 9, 16, 23, 28, 31, 32], shift: 5 };
 
 impl<const PARTS: usize> Kernel<PARTS> {
-    /// Returns one part of a value.
+    /// Returns one part of a cell's light. The parts of a cell add up to its light.
     #[inline(always)]
     pub(super) fn part(&self, value: u64, part: usize) -> u64 {
         let cumulative = |part: usize| (value * self.cumulative[part]) >> self.shift;
@@ -63,7 +63,7 @@ impl<const PARTS: usize> Kernel<PARTS> {
         sources
     }
 
-    /// Returns all parts of a value.
+    /// Returns all parts of a cell's light, which add up to it.
     #[inline(always)]
     fn parts(&self, value: u64) -> [u64; PARTS] {
         let sums = self.cumulative.map(|fraction| (value * fraction) >> self.shift);
@@ -89,7 +89,8 @@ impl<const PARTS: usize> Kernel<PARTS> {
 }
 
 impl Kernel<8> {
-    /// Returns the light below which a cell fits the 32-bit arithmetic of [`Self::along_narrow`].
+    /// Returns the light in counts below which a cell fits the 32-bit arithmetic of
+    /// [`Self::along_narrow`].
     pub(super) fn narrow_limit(&self) -> u64 {
         1 << (32 - self.shift)
     }

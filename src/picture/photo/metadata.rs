@@ -38,7 +38,8 @@ const FILM_WIDTH_M: f64 = 0.036;
 pub(super) const SOFTWARE: &str = concat!("noctograph ", env!("CARGO_PKG_VERSION"));
 
 impl Metadata {
-    /// Returns the metadata of a camera's picture, with an identifier from the picture's bytes.
+    /// Returns the metadata of a camera's picture, with an identifier that is a digest of the
+    /// picture's bytes.
     #[must_use]
     pub fn new(camera: &Camera, picture: &[u8]) -> Self {
         let [width, height] = [camera.width_px, camera.height_px].map(f64::from);

@@ -139,8 +139,9 @@ pub fn jpeg(photo: &Photo, quality: u8) -> Vec<u8> {
 /// Minimum number of rows in a parallel task.
 const TASK_ROWS: usize = 16;
 
-/// Processes the picture row by row. `finish` converts the channels of a row to the result. Returns
-/// the luminous exposure of white, and the result.
+/// Processes the picture row by row. `finish` converts the channels of a row, as light relative to
+/// white, to the result. Returns the luminous exposure of white in lx s, and the result. Returns
+/// the errors of [`develop`].
 fn process<T: Copy + Default + Send>(
     film: &Film,
     camera: &Camera,
@@ -197,6 +198,7 @@ struct Lens<'a> {
 
 impl Lens<'_> {
     /// Writes the counts of row `y` of a channel, after scatter and diffraction, to `out`.
+    /// `scratch` is a buffer.
     fn row(&self, channel: usize, y: usize, scratch: &mut Vec<u64>, out: &mut [u32]) {
         let width = out.len();
         let first = y * width;

@@ -31,8 +31,10 @@ pub(super) struct Stream {
 }
 
 impl Stream {
-    /// Returns the random numbers for one row of a channel and one use.
+    /// Returns the random numbers for one row of a channel and one use. Equal arguments give equal
+    /// numbers.
     pub(super) fn new(seed: u64, y: usize, channel: usize, source: Source) -> Self {
+        // The use and the channel take 4 bits each, so that every index differs.
         let index = (y as u64) << 8 | (channel as u64) << 4 | source as u64;
         let key = split_mix(split_mix(seed) ^ index);
         #[expect(clippy::cast_possible_truncation, reason = "both halves are used")]
@@ -50,7 +52,7 @@ impl Stream {
         h ^ (h >> 16)
     }
 
-    /// Writes the random bits of all columns in a row.
+    /// Writes the random bits of all columns in a row, 32 for each.
     #[inline(always)]
     pub(super) fn fill(self, out: &mut [u32]) {
         for (x, bits) in (0_u32..).zip(out) {
@@ -185,7 +187,7 @@ const PER_SQUARE: f32 = 1024.0;
 pub(super) static POISSON: LazyLock<Poisson> = LazyLock::new(Poisson::new);
 
 impl Poisson {
-    /// Computes the tables.
+    /// Computes the tables of all means, up to [`POISSON_BELOW`].
     fn new() -> Self {
         let last = (f64::from(POISSON_BELOW * PER_SQUARE)).sqrt().ceil();
         let mut levels = Box::new([[0; NUMBERS]; LEVELS]);

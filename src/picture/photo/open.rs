@@ -35,7 +35,8 @@ pub fn read_with_notes(path: &Path) -> Result<(Photo, Notes)> {
     open(path, true)
 }
 
-/// Reads a photo, and also the texts of a PNG file if `texts` is true.
+/// Reads a photo, and also the texts of a PNG file if `texts` is true. Returns [`Error::Io`] for a
+/// file that cannot be read, and [`Error::Input`] for one that is neither PNG nor JPEG.
 fn open(path: &Path, texts: bool) -> Result<(Photo, Notes)> {
     let bytes = LIMIT.read(path)?;
     let broken = |source: &dyn std::fmt::Display| {
@@ -61,7 +62,8 @@ fn open(path: &Path, texts: bool) -> Result<(Photo, Notes)> {
     Ok((Photo::new(turned(photo, orientation))?, Notes::default()))
 }
 
-/// Checks that a JPEG file is complete, and needs no more memory than the largest other photo.
+/// Returns [`Error::Input`] for a JPEG file that is cut off, or that needs more memory than the
+/// largest other photo.
 fn check_memory(bytes: &[u8], path: &Path) -> Result<()> {
     // The decoder itself rejects a file without a frame.
     let Some(frame) = JpegFrame::parse(bytes) else { return Ok(()) };

@@ -47,7 +47,8 @@ pub fn encode_png(photo: &Photo, metadata: Option<&Metadata>, notes: &[(&str, St
     encode(size_px, levels, metadata, notes, scene).expect(FITS)
 }
 
-/// Decodes a PNG file, and also its notes if `texts` is true.
+/// Decodes a PNG file, and also its notes if `texts` is true. Returns [`Error::Input`] for a broken
+/// or too large file.
 ///
 /// Color profile and texts are not decompressed with the picture, because a few kilobytes of either
 /// may expand to gigabytes.
@@ -109,8 +110,8 @@ pub struct Notes {
     pub log_gaps_json: Option<String>,
 }
 
-/// Returns the text of a keyword, or `None` if there is none. Fails if the text is damaged or
-/// larger than the limit.
+/// Returns the text of a keyword, or `None` if there is none. Returns [`Error::Input`] if the text
+/// is damaged or larger than the limit.
 fn text(
     texts: &[png::text_metadata::ITXtChunk],
     keyword: &str,
@@ -156,7 +157,7 @@ fn to_rgb8(samples: &mut Vec<u8>, color: png::ColorType, depth: png::BitDepth) {
     samples.truncate(3 * n);
 }
 
-/// Returns an error for an image that is too large, before it is decoded.
+/// Returns [`Error::Input`] for an image that is too large, before it is decoded.
 pub(super) fn checked_size(path: &Path, width_px: u32, height_px: u32) -> Result<()> {
     check_size(width_px, height_px).map_err(|error| match error {
         Error::Input { found, wanted, .. } => {
@@ -167,8 +168,9 @@ pub(super) fn checked_size(path: &Path, width_px: u32, height_px: u32) -> Result
 }
 
 impl Readout {
-    /// Encodes the readout as PNG with 16 bits per channel. Everything else is as in
-    /// [`develop`](super::develop) and [`encode_png`].
+    /// Encodes the readout as PNG with 16 bits per channel. The number is the resolution for
+    /// printing in dots per inch. Everything else is as in [`develop`](super::develop) and
+    /// [`encode_png`].
     pub fn encode_png16(
         &self,
         tone: Tone,
@@ -186,8 +188,9 @@ impl Readout {
     }
 }
 
-/// Encodes a PNG with EXIF and texts in memory. The encoder is generic over its writer, so only
-/// this one instance is compiled.
+/// Encodes a PNG with EXIF and texts in memory. `bytes` contains the levels of red, green and blue
+/// row by row, with the higher byte first. The encoder is generic over its writer, so only this one
+/// instance is compiled.
 fn encode(
     [width_px, height_px]: [u32; 2],
     (depth, bytes): (png::BitDepth, &[u8]),

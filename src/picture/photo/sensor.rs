@@ -68,7 +68,7 @@ pub(super) struct Scratch {
 }
 
 impl Sensor {
-    /// Prepares the sensor of a camera.
+    /// Prepares the sensor of a camera, whose random numbers depend on the seed.
     pub(super) fn new(camera: &Camera, options: &PhotoOptions, seed: u64) -> Self {
         let noise = match &options.noise {
             Noise::Emva1288(noise) => Some(Noisy::new(camera, noise, seed)),
@@ -173,6 +173,7 @@ impl Noisy {
                 *light = *light * at_white + dark;
                 n_dark |= u32::from(*light < POISSON_BELOW);
             }
+            // The number of electrons is that of a green photosite.
             for &(x, electrons) in &*hot {
                 row[x] += electrons * self.at_white[channel] / self.at_white[1].max(1.0);
             }
@@ -195,6 +196,7 @@ impl Noisy {
     }
 
     /// Replaces the mean electrons of a row, in which some pixels are dark, with random numbers.
+    /// Each pixel has 32 random bits of each kind.
     #[inline(always)]
     fn add_noise(&self, row: &mut [f32], bits: &[u32], read_bits: &[u32]) {
         // Processes whole groups of pixels first, and then the remaining pixels.
@@ -229,14 +231,15 @@ impl Noisy {
         }
     }
 
-    /// Returns the electrons of a bright pixel, for which all noise is one normal number.
+    /// Returns the electrons of a pixel with the expected number `mean`, drawn by `bits`. The pixel
+    /// is bright, so that all its noise is one normal number.
     #[inline(always)]
     fn bright(&self, mean: f32, bits: u32) -> f32 {
         let variance = mean + self.read_variance + self.prnu_squared * mean * mean;
         mean + variance.sqrt() * self.normal.numbers([bits])[0]
     }
 
-    /// Writes the column and the electrons of each hot pixel in a row to `out`.
+    /// Writes the column and the electrons of each hot pixel in row `y` to `out`.
     fn hot_pixels(&self, y: usize, width: usize, out: &mut Vec<(usize, f32)>) {
         out.clear();
         let stream = Stream::new(HOT_PIXEL_SEED, y, 0, Source::Hot);

@@ -143,7 +143,8 @@ fn block(film: &Film, corner: [usize; 2]) -> impl Iterator<Item = (usize, usize)
     y.flat_map(move |y| x.clone().map(move |x| (x, y)))
 }
 
-/// Returns the centroid of the light in a block of cells.
+/// Returns the centroid in pixels of the light in a block of cells, whose first cell is at
+/// `corner`.
 fn center_px(film: &Film, corner: [usize; 2]) -> DVec2 {
     let (width, pixels) = (film.width_px as usize, film.counts.len() / 3);
     let (mut sum, mut weight) = (DVec2::ZERO, 0.0);

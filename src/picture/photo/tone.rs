@@ -42,7 +42,8 @@ const TOE: f64 = 1.5;
 const MIN_LIGHT: f64 = 1e-9;
 
 impl Tone {
-    /// Applies the part of the tone curve that combines the three channels of a pixel.
+    /// Applies the part of the tone curve that combines the channels red, green and blue of a
+    /// pixel. Light is relative to white.
     pub(super) fn mixed(self, rgb: [f32; 3]) -> [f32; 3] {
         match self {
             Self::Neutral => neutral(rgb),
@@ -87,7 +88,7 @@ impl Tone {
     }
 }
 
-/// Returns the encoded value of light by the curve of [`Tone::Camera`].
+/// Returns the encoded value of light by the curve of [`Tone::Camera`], both 0 to 1.
 fn camera(light: f64) -> f64 {
     // The curve is g + s u / (1 + |s u / l|^b)^(1/b), with u in stops from middle gray. The limit l
     // makes the curve reach white at saturation, and black at BLACK_STOPS below middle gray.
@@ -105,7 +106,8 @@ fn camera(light: f64) -> f64 {
     (GRAY_LEVEL + if stops > 0.0 { bent } else { -bent }).clamp(0.0, 1.0)
 }
 
-/// Applies the Khronos PBR Neutral tone mapper, with the constants of its specification.
+/// Applies the Khronos PBR Neutral tone mapper, with the constants of its specification, to red,
+/// green and blue relative to white.
 fn neutral(rgb: [f32; 3]) -> [f32; 3] {
     const START: f32 = 0.8 - 0.04;
     const DESATURATION: f32 = 0.15;
@@ -144,7 +146,8 @@ impl Levels8 {
         MADE[tone as usize].get_or_init(|| Self::new(tone))
     }
 
-    /// Computes the tables of a tone.
+    /// Computes the tables of a tone: the least light of each level, and the level at the start of
+    /// each bin of light.
     fn new(tone: Tone) -> Self {
         // Finds the minimum light that rounds to each level, by bisection over the bits of a float.
         let mut least = [f32::INFINITY; 256];
@@ -206,14 +209,16 @@ pub(super) struct Levels16 {
 const NODE_BITS: u32 = 15;
 
 impl Levels16 {
-    /// Computes the table of a tone.
+    /// Computes the table of a tone, which contains the encoded values at evenly spaced bits of
+    /// light.
     pub(super) fn new(tone: Tone) -> Self {
         let nodes = ((1.0_f32.to_bits() - DARK.to_bits()) >> NODE_BITS) + 2;
         let lights = (0..nodes).map(|node| f32::from_bits(DARK.to_bits() + (node << NODE_BITS)));
         Self { nodes: lights.map(|light| tone.encode(f64::from(light).min(1.0))).collect() }
     }
 
-    /// Returns the level nearest to some light, or a neighbor of that level.
+    /// Returns the level, 0 to 65535, nearest to some light relative to white, or a neighbor of
+    /// that level.
     #[expect(clippy::cast_possible_truncation, reason = "0 to 65535")]
     pub(super) fn level(&self, light: f32) -> u16 {
         let encoded = if light < DARK {

@@ -81,7 +81,8 @@ fn mode_of(kind: SetpointKind) -> Mode {
     kind.name().parse().expect("setpoints have the names of modes")
 }
 
-/// Sets the kind of setpoints that the controller flies, or returns an error if it cannot.
+/// Sets the kind of setpoints that the controller flies. Returns [`Error::Input`] if it cannot fly
+/// them.
 fn set_setpoint_kind(scene: &mut Scene, kind: SetpointKind) -> Result<()> {
     let controller = &mut scene.controller;
     // Only the cascade accepts setpoints of several kinds.
@@ -136,7 +137,8 @@ impl CheckedExport {
         strokes.map_or("drawing", |strokes| strokes.word.as_str())
     }
 
-    /// Returns the files. Scripts contain the reason `unsafe_because` if one is given.
+    /// Returns the files to write, and how far they deviate from the plans. Scripts contain the
+    /// reason `unsafe_because` if one is given, and refuse to fly without it.
     pub fn files(&self, unsafe_because: Option<&str>) -> Result<ExportedFiles> {
         let Self { options, shoot, trajectory, checks, .. } = self;
         let ExportOptions { format, mode, tolerance_m, .. } = options;
@@ -194,7 +196,8 @@ impl CheckedExport {
         is_unsafe.then(|| reason.to_owned())
     }
 
-    /// Returns true if no check stops a shoot's flights, or if unsafe flights are also exported.
+    /// Returns true if no check stops a shoot's flights, or if unsafe flights are also exported. A
+    /// shoot that cannot be checked may not fly.
     fn may_fly(&self, shoot: &Shoot) -> bool {
         self.options.is_unchecked
             || preflight(shoot, &self.options.profile)
@@ -202,7 +205,8 @@ impl CheckedExport {
     }
 }
 
-/// Returns an error for a script if the firmware release lacks the controller, lamp or drone.
+/// Checks that the firmware release has the controller, the lamp and the drone that a script needs.
+/// Other formats need no release.
 fn check_release(shoot: &Shoot, format: Format) -> Result<()> {
     if !matches!(format, Format::Cflib | Format::Crazyswarm2) {
         return Ok(());
@@ -232,7 +236,8 @@ pub(super) fn plans_of(shoot: &Shoot) -> Vec<Plan> {
     shoot.plans.iter().map(|planned| planned.plan.clone()).collect()
 }
 
-/// Returns left, bottom, right and top of the strokes or, without strokes, of the plans' letters.
+/// Returns the box `[left, bottom, right, top]` in m of the strokes or, without strokes, of the
+/// plans' letters.
 pub(super) fn bounds_m(shoot: &Shoot) -> [f64; 4] {
     if let Some(strokes) = &shoot.strokes {
         return strokes.bounds_m();

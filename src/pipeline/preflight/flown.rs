@@ -7,6 +7,7 @@ use super::{
 };
 use crate::scene::Scene;
 use crate::shoot::{CHECK_LIGHT, Shoot, stroke_end_errors};
+use noctograph_core::crazyflie::N_MOTORS;
 use noctograph_core::diagnostic::{Diagnostic, Severity};
 use noctograph_core::error::Result;
 use noctograph_core::flight::{BATTERY_V, Flight, FlightSample, SATURATED_S, saturated_s, warning};
@@ -36,7 +37,12 @@ const BRIEF_SATURATED_S: f64 = 0.07;
 /// Minimum saturation time of a motor that stops the flight.
 pub const MAX_SATURATED_S: f64 = 0.5;
 
-/// Checks one drone's simulated flight: its path, its demands, and its light in the picture.
+/// Factors from SI units to the units of messages.
+const MS_PER_S: f64 = 1e3;
+const MM_PER_M: f64 = 1e3;
+
+/// Checks the simulated flight of drone `drone`, counted from 0: its path, its demands on motors
+/// and battery, and its light in the picture. Returns a finding for each check.
 pub(super) fn check_flight(
     shoot: &Shoot,
     drone: usize,
@@ -66,7 +72,8 @@ pub(super) fn check_flight(
     ])
 }
 
-/// Checks that the letters are large enough compared with the altitude error.
+/// Checks that the letters are tall enough for the altitude error. The value is the cap height in m
+/// that the error permits.
 fn altitude_hold(flight: &Flight, strokes: Option<&Strokes>) -> Diagnostic {
     fn unchecked(why: &str, advice: &'static str) -> Diagnostic {
         let wanted = "letters of a known height, not a drawing";
@@ -90,14 +97,15 @@ fn altitude_hold(flight: &Flight, strokes: Option<&Strokes>) -> Diagnostic {
             format!("precise enough for letters at least {least_m:.2} m tall"),
             format!(
                 "an altitude error of up to {:.0} mm, a twentieth of the letters' height",
-                50.0 * cap_height_m
+                MM_PER_M / 20.0 * cap_height_m
             ),
             "write larger letters ({letters.cap_height_m}), or fewer if the canvas shrinks them \
              ({letters.canvas_m}), or fly a better height sensor",
         )
 }
 
-/// Checks that the depth error stays within the profile's corridor.
+/// Checks that the depth error in m stays within the profile's corridor. The help names the most
+/// probable cause.
 fn corridor(flight: &Flight, scene: &Scene, profile: &Profile) -> Diagnostic {
     let errors = flight.samples.iter().map(|s| (s.position_m.y - s.design_m.y, s.time_s));
     let worst = errors.clone().max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
@@ -139,7 +147,7 @@ fn corridor(flight: &Flight, scene: &Scene, profile: &Profile) -> Diagnostic {
         )
 }
 
-/// Checks the maximum tilt during the flight.
+/// Checks the maximum tilt from the vertical in rad during the flight.
 fn tilt(flight: &Flight, profile: &Profile) -> Diagnostic {
     fn tilt_rad(s: &FlightSample) -> f64 {
         libm::acos((libm::cos(s.attitude.pitch_rad) * libm::cos(s.attitude.roll_rad)).min(1.0))
@@ -154,7 +162,7 @@ fn tilt(flight: &Flight, profile: &Profile) -> Diagnostic {
     )
 }
 
-/// Checks how long a motor is saturated.
+/// Checks the time in s for which a motor is saturated. `motor_max` is the maximum command.
 fn motors(flight: &Flight, motor_max: f64) -> Diagnostic {
     let first = flight.samples.iter().find(|sample| sample.is_saturated(motor_max));
     let time_s = first.map(|sample| sample.time_s);
@@ -169,9 +177,9 @@ fn motors(flight: &Flight, motor_max: f64) -> Diagnostic {
     Diagnostic::check("motors", severity, duration_s).within(BRIEF_SATURATED_S).timed(time_s).say(
         match duration_s {
             0.0 => "never at their limit".to_owned(),
-            s => format!("{:.0} ms at their limit, first{}", 1e3 * s, at_time(time_s)),
+            s => format!("{:.0} ms at their limit, first{}", MS_PER_S * s, at_time(time_s)),
         },
-        format!("up to {:.0} ms at their limit", 1e3 * BRIEF_SATURATED_S),
+        format!("up to {:.0} ms at their limit", MS_PER_S * BRIEF_SATURATED_S),
         "lower {plan.style.acceleration_m_s2}, or fly a drone with more thrust for its weight",
     )
 }
@@ -191,7 +199,7 @@ fn thrust(flight: &Flight, scene: &Scene) -> Diagnostic {
     let end_v = battery_v.and_then(|battery_v| battery_v.get(last?)).copied();
     // The thrust of each of the four rotors is a polynomial in the voltage.
     let [t0, t1, t2, t3] = scene.battery.thrust_from_v_n;
-    let at_end_n = end_v.map_or(full_n, |v| 4.0 * (t0 + v * (t1 + v * (t2 + v * t3))));
+    let at_end_n = end_v.map_or(full_n, |v| N_MOTORS * (t0 + v * (t1 + v * (t2 + v * t3))));
     let frac = weight_n / at_end_n.min(full_n);
     Diagnostic::check("thrust", warn_if(frac > MAX_HOVER_FRAC), frac).within(MAX_HOVER_FRAC).say(
         format!("hovering takes {:.0} % of the maximum thrust", 100.0 * frac),
@@ -262,7 +270,8 @@ fn without_light(check: &'static str, why: &str) -> Diagnostic {
     Diagnostic::unchecked(check, why, "light along the strokes", CHECK_LIGHT)
 }
 
-/// Checks that the light switches at the ends of strokes, by the largest distance from an end.
+/// Checks the light at the ends of strokes by the largest distance in m between an end and the
+/// place at which the light switches.
 fn lit_transit(
     ends: &[StrokeEnd],
     pieces: &[Piece],
@@ -287,10 +296,10 @@ fn lit_transit(
     };
     let row = Diagnostic::check("lit transit", warn_if(streak_m.abs() > most_m), streak_m);
     let row = row.within(most_m).timed(time_s).detailed(if on { "beginning" } else { "end" });
-    let (streak_mm, when, x, z) = (1e3 * streak_m.abs(), at_time(time_s), at_m.x, at_m.z);
+    let (streak_mm, when, x, z) = (MM_PER_M * streak_m.abs(), at_time(time_s), at_m.x, at_m.z);
     row.positioned(<[f64; 3]>::from(at_m)).say(
         format!("up to {streak_mm:.0} mm of {what}{when} ({x:.2}, {z:.2})"),
-        format!("within {:.0} mm of strokes' ends, a tenth of the letters", 1e3 * most_m),
+        format!("within {:.0} mm of strokes' ends, a tenth of the letters", MM_PER_M * most_m),
         match clock {
             LightClock::Light => "slow down ({plan.stroke_speed_m_s})",
             LightClock::Setpoint => {
@@ -300,7 +309,7 @@ fn lit_transit(
     )
 }
 
-/// Checks the maximum time for which a lamp dwells on a spot, which would be overexposed.
+/// Checks the maximum time in s for which a lamp dwells on a spot, which would be overexposed.
 fn dwell(pieces: &[Piece], plan: &PlanOptions) -> Diagnostic {
     if pieces.is_empty() {
         return without_light("lit dwell", NO_LAMP);
@@ -310,9 +319,13 @@ fn dwell(pieces: &[Piece], plan: &PlanOptions) -> Diagnostic {
     row.within(MAX_DWELL_S).timed(time_s).say(
         match dwell_s {
             0.0 => "none".to_owned(),
-            s => format!("{:.0} ms of light two stops above the rest{}", 1e3 * s, at_time(time_s)),
+            s => {
+                let dwell_ms = MS_PER_S * s;
+                format!("{dwell_ms:.0} ms of light two stops above the rest{}", at_time(time_s))
+            }
         },
-        format!("less than {:.0} ms of such light", 1e3 * MAX_DWELL_S),
+        format!("less than {:.0} ms of such light", MS_PER_S * MAX_DWELL_S),
+        // The remedy depends on what decides the speed of the light.
         match (&plan.style, plan.light_clock) {
             (Style::Even(_), _) => {
                 "lower {plan.stroke_speed_m_s}, so that the drone does not have to brake, or dim \
@@ -327,8 +340,8 @@ fn dwell(pieces: &[Piece], plan: &PlanOptions) -> Diagnostic {
     )
 }
 
-/// Returns the duration of light, s, in the longest run of pieces with at least [`DWELL`] times the
-/// median dose, and the start time of the run. Returns zeros if there is no such run.
+/// Returns the duration of light in s in the longest run of pieces with at least [`DWELL`] times
+/// the median dose, and the start time in s of the run. Returns zeros if there is no such run.
 fn longest_dwell(pieces: &[Piece]) -> (f64, f64) {
     // The dose is light per unit length. Its median is weighted by length.
     let moving = pieces.iter().filter(|piece| piece.length_m > 0.0);

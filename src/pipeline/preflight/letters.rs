@@ -13,8 +13,8 @@ const SAME_LINE_M: f64 = 0.002;
 /// Maximum length of a doubled stroke or of a pen jump that causes no warning.
 const SHORT_M: f64 = 0.02;
 
-/// Checks the letters. Light at the beginning and end of a letter only matters in style `team`,
-/// whose plan follows the dark moves.
+/// Checks the letters for strokes that are drawn twice or lost. Light at the beginning and end of a
+/// letter only matters in style `team`, whose plan follows the dark moves.
 pub(super) fn check_letters(strokes: &Strokes, style: &Style) -> Vec<Diagnostic> {
     // The glyphs are sorted, so that equal letters are adjacent and each is reported only once.
     let mut glyphs: Vec<&Glyph> = strokes.glyphs.iter().collect();
@@ -81,7 +81,7 @@ fn jumps(glyph: &Glyph) -> bool {
     glyph.moves.windows(2).any(|pair| distance(pair[0].to_m, pair[1].from_m) > SHORT_M)
 }
 
-/// Returns the total length of strokes that are lit twice.
+/// Returns the total length in m of the parts of strokes that are lit twice.
 fn doubled_m(moves: &[Move]) -> f64 {
     let lit: Vec<[Vector2<f64>; 2]> = moves
         .iter()
@@ -92,7 +92,8 @@ fn doubled_m(moves: &[Move]) -> f64 {
     pairs.map(|(a, b)| shared_m(a, b)).sum()
 }
 
-/// Returns the length of the overlap of two straight moves, or 0 if they are not on one line.
+/// Returns the length in m of the overlap of two straight moves, each given by its two ends, or 0
+/// if they are not on one line.
 fn shared_m(a: &[Vector2<f64>; 2], b: &[Vector2<f64>; 2]) -> f64 {
     let length_m = (a[1] - a[0]).norm();
     let direction = (a[1] - a[0]) / length_m;
@@ -105,7 +106,8 @@ fn shared_m(a: &[Vector2<f64>; 2], b: &[Vector2<f64>; 2]) -> f64 {
     (to - from).abs()
 }
 
-/// Checks that a length measured in each letter is at most `limit_m`.
+/// Checks that a length in m measured in each letter is at most `limit_m`. The finding names the
+/// letters beyond it.
 fn check_lengths(
     check: &'static str,
     lengths_m: impl Iterator<Item = (char, f64)>,
@@ -126,7 +128,7 @@ fn check_lengths(
     row.detailed(detail).say(actual, wanted, advice)
 }
 
-/// Returns a list of letters separated by commas.
+/// Returns a list of letters separated by commas, in which a drawing is called so.
 fn named(letters: impl IntoIterator<Item = char>) -> String {
     let names = letters.into_iter().map(|letter| match letter {
         DRAWING => "the drawing".to_owned(),

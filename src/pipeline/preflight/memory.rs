@@ -56,7 +56,8 @@ pub(super) fn check_memory(shoot: &Shoot, drone: usize) -> Diagnostic {
     )
 }
 
-/// Checks that the LED timing memory can play the lights of a plan that writes only with the ring.
+/// Checks that the LED timing memory can hold the lights of drone `drone`, counted from 0, if its
+/// plan writes only with the ring.
 pub(super) fn check_led_memory(shoot: &Shoot, drone: usize) -> Diagnostic {
     const MOST: usize = RING_TIMING_ENTRIES;
     let entries = match timing_entries_of(shoot, drone) {
@@ -72,8 +73,8 @@ pub(super) fn check_led_memory(shoot: &Shoot, drone: usize) -> Diagnostic {
     )
 }
 
-/// Returns the number of LED timing entries for a drone's lights, timed by the exported trajectory.
-/// Returns `None` if the drone writes with lamps other than the ring.
+/// Returns the number of LED timing entries for the lights of drone `drone`, timed by the exported
+/// trajectory. Returns `None` if the drone writes with lamps other than the ring.
 fn timing_entries_of(shoot: &Shoot, drone: usize) -> Result<Option<usize>> {
     if !shoot.plans[drone].plan.lamps().map(|(lamp, _)| lamp).eq([RING.name]) {
         return Ok(None);

@@ -93,7 +93,9 @@ pub fn fly_plans(shoot: &Shoot) -> Result<Vec<Result<Flight>>> {
     }
 }
 
-/// Checks flights that have already been simulated, as [`preflight`] does.
+/// Checks flights that have already been simulated, as [`preflight`] does. `flown` contains a
+/// flight or the error for each drone. An infeasible flight becomes a finding, and other errors are
+/// returned.
 pub fn preflight_flights(
     shoot: &Shoot,
     flown: Vec<Result<Flight>>,
@@ -133,7 +135,8 @@ pub fn preflight_flights(
     Ok(Preflight { findings, placement: placement.transpose()?.flatten() })
 }
 
-/// Checks that objects are inside the room, and that the room has space for the camera.
+/// Checks that objects are inside the profile's room, and that the room has space for the camera.
+/// Without a room, the check is reported as not made.
 fn check_room(shoot: &Shoot, profile: &Profile) -> Result<Vec<Diagnostic>> {
     let Some(room_m) = profile.room_m else {
         let wanted = "the room's size, with its middle at x = y = 0";
@@ -158,7 +161,7 @@ impl Shot {
         Ok(findings)
     }
 
-    /// Performs all checks of the flights.
+    /// Performs all checks of the flights. Returns the errors of [`preflight_flights`].
     pub fn preflight(&self, profile: &Profile) -> Result<Preflight> {
         preflight_flights(&self.shoot, self.flights.iter().cloned().map(Ok).collect(), profile)
     }
@@ -170,7 +173,7 @@ impl Shot {
     }
 }
 
-/// Adds the drone's number to its findings if there are several drones.
+/// Returns findings of drone `drone`, counted from 0, with its number if there are several drones.
 fn numbered(
     shoot: &Shoot,
     drone: usize,
@@ -180,7 +183,8 @@ fn numbered(
     findings.into_iter().map(move |finding| finding.of_drone(number))
 }
 
-/// Checks letters and plans, and their distance from people and objects.
+/// Checks letters and plans without a flight, and the distance of the paths from people and
+/// objects.
 fn check_design(shoot: &Shoot, profile: &Profile, paths: &Paths) -> Vec<Diagnostic> {
     let mut findings = match &shoot.strokes {
         Some(strokes) => check_letters(strokes, &shoot.scene.plan.style),
@@ -215,12 +219,12 @@ fn at_time(time_s: impl Into<Option<f64>>) -> String {
     time_s.into().map_or(String::new(), |time_s| format!(" at {time_s:.1} s"))
 }
 
-/// Returns `Warning` if a limit is exceeded.
+/// Returns `Warning` if a limit is exceeded, and `Fine` otherwise.
 fn warn_if(is_exceeded: bool) -> Severity {
     if is_exceeded { Severity::Warning } else { Severity::Fine }
 }
 
-/// Returns `Stop` if a limit is exceeded.
+/// Returns `Stop` if a limit is exceeded, and `Fine` otherwise.
 fn stop_if(is_exceeded: bool) -> Severity {
     if is_exceeded { Severity::Stop } else { Severity::Fine }
 }
@@ -235,8 +239,8 @@ struct LowerDrone {
     time_s: f64,
 }
 
-/// Checks the position error due to other drones' downwash. Returns `None` for a single drone, or
-/// without a downwash model.
+/// Checks the position error in m due to other drones' downwash. Returns `None` for a single drone,
+/// or without a downwash model.
 fn check_downwash(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Diagnostic> {
     if shoot.plans.len() < 2 || shoot.scene.air.downwash == Downwash::None {
         return None;
@@ -270,8 +274,8 @@ fn check_downwash(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Diagnostic>
     ))
 }
 
-/// Returns the index of each drone whose plan enters a downwash, with its closest approach to the
-/// drone least far above it.
+/// Returns the index, counted from 0, of each drone whose plan enters a downwash, with its closest
+/// approach to the drone least far above it.
 fn nearest_above_each_lower(shoot: &Shoot) -> Vec<(usize, Approach)> {
     let pairs = shoot.downwash_pairs().into_iter();
     let mut lower: Vec<_> = pairs.map(|([_, lower], approach)| (lower, approach)).collect();
@@ -282,8 +286,9 @@ fn nearest_above_each_lower(shoot: &Shoot) -> Vec<(usize, Approach)> {
     lower
 }
 
-/// Returns the maximum distance between a drone's flight below others and its flight without them,
-/// and the time of the maximum. Returns `None` if a flight fails, which is a separate finding.
+/// Returns the maximum distance in m between a drone's flight below others and its flight without
+/// them, and the time in s of the maximum. Returns `None` if a flight fails, which is a separate
+/// finding.
 fn downwash_error(shoot: &Shoot, drone: usize, flown: &Result<Flight>) -> Option<(f64, f64)> {
     let undisturbed = shoot.fly_drone(drone, &mut |_| {}).ok()?;
     let pairs = undisturbed.samples.iter().zip(&flown.as_ref().ok()?.samples);

@@ -46,7 +46,8 @@ pub(super) struct Paths {
 }
 
 impl Paths {
-    /// Returns the paths of a shoot's plans and flights.
+    /// Returns the paths of a shoot's plans and flights, and the distance in m that people must
+    /// keep from them.
     pub(super) fn new<'a>(shoot: &Shoot, flights: impl IntoIterator<Item = &'a Flight>) -> Self {
         // A plan's speed is computed from positions, because the velocities in a file may belong to
         // a different flight.
@@ -63,7 +64,7 @@ impl Paths {
         // A drone without commands flies on until its motors stop, and then falls from its maximum
         // height: v (t + √(2 h / g)).
         let reach_m = speed_m_s * (MOTORS_STOP_S + (2.0 * top_m / GRAVITY_M_S2).sqrt());
-        // The distance is rounded up to the printed precision, so that message and check agree.
+        // The distance is rounded up to the printed decimeters, so that message and check agree.
         Self { pieces, audience_from_m: ((10.0 * reach_m).ceil() / 10.0).max(LEAST_PEOPLE_M) }
     }
 
@@ -80,7 +81,7 @@ fn pieces(plan: &Plan) -> impl Iterator<Item = ([Vector3<f64>; 2], f64)> {
     pairs.map(|pair| ([pair[0].position_m, pair[1].position_m], pair[0].time_s))
 }
 
-/// Checks the horizontal distance between people and a flight, because a failed drone falls.
+/// Checks the horizontal distance in m between people and a flight, because a failed drone falls.
 /// Returns `None` if the scene contains no people.
 pub(super) fn check_people(shoot: &Shoot, paths: &Paths) -> Option<Diagnostic> {
     // A person is modeled as a circle on the floor.
@@ -114,7 +115,7 @@ struct Thing {
     advice: &'static str,
 }
 
-/// Checks the distance of the plans from the camera and from objects in the scene.
+/// Checks the distance in m of the plans from the camera and from objects in the scene.
 pub(super) fn check_obstacles(shoot: &Shoot, profile: &Profile) -> Diagnostic {
     // The motors are at the corners of a square. Propellers do not overlap, so they extend at most
     // half a side of the square beyond the motors.
@@ -153,7 +154,8 @@ fn pieces_away_from_mark(setpoints: &[Setpoint]) -> std::ops::Range<usize> {
     rise.saturating_sub(1)..setpoints.len() - descent
 }
 
-/// Returns the number of initial setpoints without a letter that are directly above the first one.
+/// Returns the number of setpoints at the beginning, without a letter, that are within
+/// [`START_RADIUS_M`] of the first one horizontally.
 fn n_above_mark<'a>(mut setpoints: impl Iterator<Item = &'a Setpoint> + Clone) -> usize {
     let Some(mark) = setpoints.clone().next() else { return 0 };
     let above = setpoints.by_ref().take_while(|s| {
@@ -162,7 +164,8 @@ fn n_above_mark<'a>(mut setpoints: impl Iterator<Item = &'a Setpoint> + Clone) -
     above.count()
 }
 
-/// Returns the camera and the objects in the scene: beacons, floor steps, mirrors and panes.
+/// Returns the camera and the objects in the scene as obstacles for a plan: beacons, floor steps,
+/// mirrors and panes.
 fn things(shoot: &Shoot, plan: &Plan, profile: &Profile) -> Vec<Thing> {
     let scene = &shoot.scene;
     let ceiling_m = profile.room_m.map_or(profile.volume_m[1][2], |room_m| room_m[2]);
@@ -190,7 +193,7 @@ fn things(shoot: &Shoot, plan: &Plan, profile: &Profile) -> Vec<Thing> {
     things
 }
 
-/// Returns the base stations or anchors as objects.
+/// Returns the base stations or anchors as obstacles. `ceiling_m` is the height of the room.
 fn beacons(scene: &Scene, ceiling_m: f64) -> Vec<Thing> {
     let beacons = stations(scene).into_iter().map(|(name, [x, y, z])| {
         // Beacons in the lower half of a room stand on the floor, and those in the upper half hang.

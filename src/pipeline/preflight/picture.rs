@@ -37,7 +37,8 @@ pub(super) struct Picture {
 }
 
 impl Picture {
-    /// Returns the picture of flights, or `None` if one of the flights fails.
+    /// Returns the picture of flights with its meter readings and problems, or `None` if one of the
+    /// flights failed.
     pub(super) fn new(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Self> {
         // The flights are passed as recordings, so that they are not simulated again.
         let flights = flown.iter().map(|flight| flight.as_ref().ok().cloned());
@@ -57,7 +58,7 @@ impl Picture {
         })
     }
 
-    /// Returns the light of one drone, or `None` if there is no picture.
+    /// Returns the light of drone `drone`, counted from 0, or `None` if there is no picture.
     pub(super) fn drone_light(&self, drone: usize) -> Option<LightTrace> {
         let (trace, _) = self.lit.as_ref()?;
         let lamps = trace.lamps.iter();
@@ -65,7 +66,8 @@ impl Picture {
         Some(LightTrace::made(LightTraceData { lamps: lamps.cloned().collect() }))
     }
 
-    /// Returns the brightest trail of a drone's lamps.
+    /// Returns the reading of the brightest trail of the lamps of drone `drone`, or `None` if none
+    /// is in the picture.
     pub(super) fn trail(&self, drone: usize) -> Option<&LampReading> {
         let readings = self.readings.iter();
         let readings = readings.filter(|r| r.drone.is_none_or(|index| index.0 == drone));
@@ -101,7 +103,8 @@ pub(super) fn check_picture(shoot: &Shoot, picture: Option<&Picture>) -> Vec<Dia
     picture.problems.iter().map(finding).collect()
 }
 
-/// Returns true if the light of the writing lamps is outside a camera's picture.
+/// Returns true if the writing lamps emit light during the exposure, but all of it is outside the
+/// picture.
 fn is_unseen(trace: &LightTrace, writing: &[String], camera: &Camera) -> bool {
     let lamps = trace.lamps.iter().filter(|lamp| writing.contains(&lamp.emitter.name));
     let samples = lamps.flat_map(|lamp| &lamp.samples);
@@ -133,7 +136,8 @@ pub(super) struct Piece {
     pub(super) light_s: f64,
 }
 
-/// Returns the lit path of the first writing lamp, in order of time.
+/// Returns the lit path of the first writing lamp in pieces of at least [`PIECE_S`], in order of
+/// time.
 pub(super) fn lit_pieces(flight: &Flight, trace: &LightTrace, scene: &Scene) -> Vec<Piece> {
     let writing = writing(std::slice::from_ref(flight), trace, &scene.light);
     let name = writing.first().map(|lamp| &lamp.emitter.name);
@@ -144,8 +148,8 @@ pub(super) fn lit_pieces(flight: &Flight, trace: &LightTrace, scene: &Scene) -> 
     pieces
 }
 
-/// Returns the lit path of one emitter. The emitter's highest level counts as full light, because
-/// levels are also used to balance the dies of a color LED.
+/// Returns the lit path of one emitter in pieces. The emitter's highest level counts as full light,
+/// because levels are also used to balance the dies of a color LED.
 fn emitter_pieces(lamp: &Lamp) -> Vec<Piece> {
     let full = lamp.samples.iter().map(|sample| sample.level).fold(0.0, f64::max);
     let (mut pieces, mut begun) = (Vec::new(), None);

@@ -100,12 +100,13 @@ fn usual_cameras(scene: &Scene) -> [(&'static str, CameraOptions); 7] {
         let metering = Metering::Trail(TrailMetering::default());
         let framing = Framing::Word(WordFraming::default());
         let usual = scene.camera.clone();
+        // The metering replaces this aperture, which every one of the lenses has.
         (name, CameraOptions { body, lens, metering, framing, f_number: 8.0, ..usual })
     })
 }
 
-/// Determines the positions of all objects in the room of a profile. Returns `None` without a room
-/// or strokes. `trace` is the light of all drones until `end_s`.
+/// Returns a plan of the positions of all objects in the room of a profile. Returns `None` without
+/// a room or strokes. `trace` is the light of all drones until `end_s`.
 pub(super) fn plan_shot(
     shoot: &Shoot,
     trace: &LightTrace,
@@ -117,6 +118,7 @@ pub(super) fn plan_shot(
     let scene = &shoot.scene;
     let word_m = strokes.bounds_m();
     let audience_from_m = paths.audience_from_m;
+    // The audience stands in front of the paths, if the room is deep enough.
     let audience_y_m =
         Some(paths.front_m() - audience_from_m).filter(|y_m| *y_m > -0.5 * room_m[1]);
     let own_name = format!("the scene's, {:.0} mm", 1e3 * scene.camera.focal_length_m());
@@ -138,7 +140,8 @@ pub(super) fn plan_shot(
     }))
 }
 
-/// Places a camera in front of the word, and meters the light for it. The name is left empty.
+/// Returns the place of a camera in front of the word, with the light metered for it. Its name is
+/// left empty. `trace` is the light until `end_s`.
 fn place_camera(
     options: CameraOptions,
     strokes: &Strokes,
@@ -222,7 +225,8 @@ pub(super) fn check_frame(shoot: &Shoot, room_m: [f64; 3]) -> Diagnostic {
     )
 }
 
-/// Returns the stations, the take-off marks, and the camera if its pose is fixed.
+/// Returns the stations, the take-off marks, and the camera if its pose is fixed. The severity is
+/// that of the finding if the thing is outside.
 fn things_in_room(shoot: &Shoot) -> Vec<RoomThing> {
     let marks = take_off_m(shoot).map(|[x, y]| ("take-off mark".to_owned(), [x, y, 0.0]));
     let things = stations(&shoot.scene).into_iter().chain(marks);
@@ -272,9 +276,10 @@ fn max_camera_distance_m([_, depth_m, _]: [f64; 3]) -> f64 {
     0.5 * depth_m - TRIPOD_FROM_WALL_M
 }
 
-/// Returns the options of a camera centered in front of the word, and the minimum distance at which
-/// it shows the whole word. The camera is moved closer if it would be behind the wall, and farther
-/// away if it would obstruct the flight. If the room is not deep enough, it is not moved.
+/// Returns the options of a camera centered in front of the word (left, bottom, right, top in m),
+/// and the minimum distance in m at which it shows the whole word. The camera is moved closer if it
+/// would be behind the wall, and farther away if it would obstruct the flight. If the room is not
+/// deep enough, it is not moved.
 fn center_in_front(
     options: CameraOptions,
     word_m: [f64; 4],
@@ -321,13 +326,15 @@ pub fn fit_within(scene: &mut Scene, room_m: [f64; 3]) -> Result<()> {
     };
     // Each side of the canvas is limited only by the same side of the picture. The other side is
     // therefore made too short to matter.
-    let width_frac = shown_frac(scene, [width_m, 0.01 * width_m], room_m)?;
-    let height_frac = shown_frac(scene, [0.01 * height_m, height_m], room_m)?;
+    const SHORT: f64 = 0.01;
+    let width_frac = shown_frac(scene, [width_m, SHORT * width_m], room_m)?;
+    let height_frac = shown_frac(scene, [SHORT * height_m, height_m], room_m)?;
     scene.letters.canvas_m = Some([width_m * width_frac, height_m * height_frac]);
     Ok(())
 }
 
-/// Returns the fraction of a word's size, at most 1, that its camera shows from inside a room.
+/// Returns the fraction, at most 1, to which a word of a width and height must be scaled so that
+/// the camera shows it from inside a room.
 fn shown_frac(scene: &Scene, [width_m, height_m]: [f64; 2], room_m: [f64; 3]) -> Result<f64> {
     let low_m = scene.letters.baseline_m;
     let word_m = [-0.5 * width_m, low_m, 0.5 * width_m, low_m + height_m];
@@ -353,7 +360,7 @@ impl ShotPlan {
         rows.chain(cameras).collect()
     }
 
-    /// Returns a description of the audience's position.
+    /// Returns a description of where the audience may stand.
     fn audience(&self) -> String {
         let from_m = self.audience_from_m;
         let tripod_m = self.cameras.first().and_then(|camera| camera.tripod_m);
@@ -408,7 +415,7 @@ fn positions<const N: usize>(positions_m: &[[f64; N]]) -> String {
     if positions_m.is_empty() { "none".to_owned() } else { texts.collect::<Vec<_>>().join(", ") }
 }
 
-/// Formats meters with two decimals, and without a negative zero.
+/// Returns a length in m as text with two decimals, and without a negative zero.
 fn meters(value_m: f64) -> String {
     format!("{:.2}", (100.0 * value_m).round() / 100.0 + 0.0)
 }

@@ -18,6 +18,12 @@ use noctograph_plan::{Approach, MIN_HORIZONTAL_M, MIN_VERTICAL_M, Plan, Setpoint
 
 /// Minimum distance between the designed and the actual next setpoint that counts as a jump.
 const JUMP_M: f64 = 0.03;
+/// Shortest time in s between two setpoints for which an acceleration is computed.
+const LEAST_STEP_S: f64 = 1e-3;
+/// Factor on the limit of the acceleration for rounding errors of positions and velocities.
+const ACCELERATION_SLACK: f64 = 1.05;
+/// Distance in m between drones below which they are too close, which allows for rounding errors.
+const LEAST_APART_M: f64 = MIN_HORIZONTAL_M - 1e-9;
 
 /// Checks the motion and the commands of a plan. `is_even` is true for the style `even`.
 pub(super) fn check_plan(
@@ -38,8 +44,8 @@ pub(super) fn check_plan(
     ]
 }
 
-/// Returns the distance by which a point is outside a volume, negative inside. For a point above
-/// the floor, the distance to the floor is ignored.
+/// Returns the distance in m by which a point is outside a volume, negative inside. For a point
+/// above the floor, the distance to the floor is ignored.
 fn distance_outside_m(position_m: Vector3<f64>, volume_m: [[f64; 3]; 2]) -> f64 {
     let [low_m, high_m] = volume_m.map(Vector3::from);
     let (below, above) = (low_m - position_m, position_m - high_m);
@@ -50,7 +56,8 @@ fn distance_outside_m(position_m: Vector3<f64>, volume_m: [[f64; 3]; 2]) -> f64 
 /// Maximum distance outside the volume that can result from rounding.
 const ROUNDING_M: f64 = 1e-6;
 
-/// Checks that the plan stays inside the profile's volume.
+/// Checks that the plan stays inside the profile's volume. The value is the distance in m outside,
+/// negative inside.
 fn volume(plan: &Plan, profile: &Profile) -> Diagnostic {
     let setpoints = plan.setpoints.iter();
     // The reported point is the one farthest outside or, if all are inside, closest to a side.
@@ -148,7 +155,7 @@ pub(super) fn greatest_speed_m_s(plan: &Plan) -> f64 {
     fastest(&segments(plan)).0
 }
 
-/// Returns the mismatch between velocities and positions as a fraction of the path.
+/// Returns the mismatch between velocities and positions as a fraction of the path's length.
 fn mismatch_frac(segments: &[Segment]) -> f64 {
     let mismatch_m: f64 = segments.iter().map(|segment| segment.mismatch_m.norm()).sum();
     let lengths_m = segments.iter().map(|segment| {
@@ -159,7 +166,8 @@ fn mismatch_frac(segments: &[Segment]) -> f64 {
     mismatch_m / lengths_m.sum::<f64>().max(1e-9)
 }
 
-/// Checks the plan's maximum speed, as given by its velocities and as computed from its positions.
+/// Checks the plan's maximum speed in m/s, as given by its velocities and as computed from its
+/// positions. Both must agree.
 fn speed(plan: &Plan, profile: &Profile) -> Diagnostic {
     let by_velocity = largest(plan.setpoints.iter().map(|s| (s.velocity_m_s.norm(), s.time_s)));
     let segments = segments(plan);
@@ -190,7 +198,7 @@ fn speed(plan: &Plan, profile: &Profile) -> Diagnostic {
     )
 }
 
-/// Checks that the plan leaves the floor and returns to it.
+/// Checks that the plan leaves the floor and returns to it. The value is the last height in m.
 fn landing(plan: &Plan) -> Diagnostic {
     let end_m = plan.setpoints.last().map_or(0.0, |setpoint| setpoint.position_m.z);
     let flies = plan.setpoints.iter().any(|setpoint| !setpoint.on_floor());
@@ -208,14 +216,15 @@ fn landing(plan: &Plan) -> Diagnostic {
     )
 }
 
-/// Checks the plan's maximum acceleration.
+/// Checks the plan's maximum acceleration in m/s², as given by its setpoints and as computed from
+/// the changes of velocity.
 fn acceleration(plan: &Plan, profile: &Profile) -> Diagnostic {
     // Accelerations missing from the plan are computed from the changes of velocity between
     // setpoints. The controller smooths such steps, so they only cause a warning. A planned
     // acceleration is actually flown.
     let is_planned = plan.setpoints.iter().any(|s| s.acceleration_m_s2.norm() > 0.0);
     let by_setpoints = pairs(plan).map(|(from, to)| {
-        let duration_s = (to.time_s - from.time_s).max(1e-3);
+        let duration_s = (to.time_s - from.time_s).max(LEAST_STEP_S);
         let change_m_s2 = (to.velocity_m_s - from.velocity_m_s).norm() / duration_s;
         (if is_planned { from.acceleration_m_s2.norm() } else { change_m_s2 }, to.time_s)
     });
@@ -229,7 +238,7 @@ fn acceleration(plan: &Plan, profile: &Profile) -> Diagnostic {
     });
     let (value, time_s) = largest(by_setpoints.chain(by_positions));
     let most = profile.acceleration_m_s2;
-    let (is_beyond, when) = (value > 1.05 * most, at_time(time_s));
+    let (is_beyond, when) = (value > ACCELERATION_SLACK * most, at_time(time_s));
     let severity = if is_planned { stop_if(is_beyond) } else { warn_if(is_beyond) };
     Diagnostic::check("acceleration", severity, value).within(most).timed(time_s).say(
         if is_planned {
@@ -246,7 +255,7 @@ fn acceleration(plan: &Plan, profile: &Profile) -> Diagnostic {
     )
 }
 
-/// Checks the plan for jumps of the position between setpoints.
+/// Checks the plan for jumps of the position between setpoints. The value is the longest jump in m.
 fn jumps(plan: &Plan) -> Diagnostic {
     // Jumps on the floor are ignored, because a drone may be carried to a different mark.
     let in_air = pairs(plan).filter(|(a, b)| !a.on_floor() && !b.on_floor());
@@ -265,14 +274,15 @@ fn jumps(plan: &Plan) -> Diagnostic {
     )
 }
 
-/// Returns the time in the air, s.
+/// Returns the time in s that a plan spends in the air.
 fn air_s(plan: &Plan) -> f64 {
     let in_air = pairs(plan).filter(|(from, _)| !from.on_floor());
     // The sum of an empty list is -0.0, which adding 0.0 turns into 0.0.
     in_air.map(|(from, to)| to.time_s - from.time_s).sum::<f64>() + 0.0
 }
 
-/// Warns of a plan whose time in the air exceeds the battery's hover time.
+/// Returns a warning if a plan's time in the air exceeds the battery's hover time. Returns `None`
+/// for a drone without a battery model.
 pub fn longer_than_battery(shoot: &Shoot) -> Option<Diagnostic> {
     let hovers_s = hovers_s(&shoot.scene)?;
     let longest_s = shoot.plans.iter().map(|it| air_s(&it.plan)).fold(0.0, f64::max);
@@ -288,7 +298,7 @@ pub(super) fn hovers_s(scene: &Scene) -> Option<f64> {
     scene.battery.lasts_s(scene.vehicle.mass_kg * GRAVITY_M_S2)
 }
 
-/// Checks the time in the air.
+/// Checks the time in s in the air. The help depends on the style, which `is_even` tells.
 fn duration(plan: &Plan, is_even: bool, profile: &Profile) -> Diagnostic {
     let (air_s, most_s) = (air_s(plan), profile.flight_time_s);
     Diagnostic::check("flight time", stop_if(air_s > most_s), air_s).within(most_s).say(
@@ -345,7 +355,8 @@ fn headlights(plan: &Plan, light: &LightOptions) -> Diagnostic {
         )
 }
 
-/// Checks the distance between drones. Returns `None` for a single drone.
+/// Checks the least horizontal distance in m between drones that are not above each other. Returns
+/// `None` for a single drone.
 pub(super) fn check_separation(plans: &[Plan]) -> Option<Diagnostic> {
     if plans.len() < 2 {
         return None;
@@ -355,7 +366,7 @@ pub(super) fn check_separation(plans: &[Plan]) -> Option<Diagnostic> {
         plans.iter().enumerate().flat_map(|(i, a)| plans[i + 1..].iter().map(move |b| (a, b)));
     let closest = pairs.filter_map(|(a, b)| closest(a, b)).min_by(Approach::compare);
     let (least_m, time_s) = closest.map(|pair| (pair.horizontal_m, pair.time_s)).unzip();
-    let is_near = least_m.is_some_and(|least_m| least_m < MIN_HORIZONTAL_M - 1e-9);
+    let is_near = least_m.is_some_and(|least_m| least_m < LEAST_APART_M);
     let row = Diagnostic::check("separation", stop_if(is_near), least_m);
     Some(row.within(MIN_HORIZONTAL_M).timed(time_s).say(
         least_m.map_or("always above each other".into(), |least_m| {
@@ -369,7 +380,7 @@ pub(super) fn check_separation(plans: &[Plan]) -> Option<Diagnostic> {
 /// Maximum distance between a letter's strokes and the light of a plan, in cap heights.
 const TOLERANCE_H: f64 = 0.1;
 
-/// Returns an error if a plan is lit away from the strokes.
+/// Checks that a plan is lit only on the strokes of its letters.
 ///
 /// # Errors
 ///

@@ -88,7 +88,7 @@ impl Profile {
         })
     }
 
-    /// Returns a description of the volume.
+    /// Returns a description of the volume with its sides in m, rounded to millimeters.
     pub fn volume(&self) -> String {
         let [low, high] = self.volume_m;
         let [w, d, h] = [0, 1, 2].map(|axis| (1e3 * (high[axis] - low[axis])).round() / 1e3);

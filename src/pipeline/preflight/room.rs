@@ -30,12 +30,12 @@ const FOOT_M: f64 = 0.3048;
 /// few halls are 8 m high. A sports hall 7 m high is accepted with a warning (check `room`).
 const FEET_FROM: f64 = 7.5;
 
-/// Returns a room's size as text rounded to centimeters: `4x3x2.5`.
+/// Returns a room's size in m as text rounded to centimeters: `4x3x2.5`.
 fn in_words(room_m: [f64; 3]) -> String {
     room_m.map(|m| ((100.0 * m).round() / 100.0).to_string()).join("x")
 }
 
-/// Returns a room's size, given in feet, as text in meters.
+/// Returns a room's size as text in meters, given its width, depth and height in feet.
 pub(super) fn from_feet(room_ft: [f64; 3]) -> String {
     in_words(room_ft.map(|feet| FOOT_M * feet))
 }
@@ -88,8 +88,9 @@ fn fits(room_m: [f64; 3]) -> bool {
     (0..3).all(|side| (LEAST_ROOM_M[side]..=GREATEST_ROOM_M[side]).contains(&room_m[side]))
 }
 
-/// Returns the keys and values that make a scene's letters fill a room. Letters with a given height
-/// are not shrunk. If they are too large for the room, the check stops the flight.
+/// Returns the keys and values that make a scene's letters fill a room. `is_drawing` is true for a
+/// drawing instead of a word. If the height of the letters is given (`is_height_typed`), they are
+/// not shrunk. If they are too large for the room, the check stops the flight.
 #[expect(clippy::fn_params_excessive_bools, reason = "independent of each other")]
 pub fn letters_within(
     room_m: [f64; 3],
@@ -98,7 +99,7 @@ pub fn letters_within(
 ) -> Vec<(String, String)> {
     let [low, high] = Profile::indoor().in_room(room_m).volume_m;
     let wide_m = (high[0] - low[0] - 2.0 * FROM_SIDES_M).min(SERVED_M);
-    // The baseline is 0.5 m above the floor, or less in a low room.
+    // The baseline is 0.5 m above the floor, or a quarter of the height in a low room.
     let baseline_m = (0.25 * room_m[2]).min(0.5);
     let high_m = high[2] - FROM_TOP_M - baseline_m;
     let canvas_m = if is_height_typed { UNLIMITED_CANVAS_M } else { [wide_m, high_m] };
@@ -114,7 +115,7 @@ pub fn letters_within(
     keys.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
 }
 
-/// Moves the stations to the corners of a room unless the scene specifies their positions.
+/// Moves the base stations to the corners of a room unless the scene specifies their positions.
 pub fn hang_stations(scene: &mut Scene, room_m: [f64; 3]) {
     let usual = Scene::preset(scene.preset).sensors.lighthouse.stations;
     let stations = &mut scene.sensors.lighthouse.stations;

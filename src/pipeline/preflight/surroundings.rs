@@ -17,7 +17,8 @@ use noctograph_sim::vehicle::Gusts;
 /// Grid spacing at which the view of the base stations is checked.
 const COVERAGE_STEP_M: f64 = 0.1;
 
-/// Checks that two base stations see the flight's whole bounding box.
+/// Checks that two base stations see the whole box of a plan in the plane of the word. The value is
+/// the fraction that they see.
 pub(super) fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Diagnostic> {
     const WANTED: &str = "at least one base station, and a flight in the air";
     if !is_by_lighthouse(scene) {
@@ -63,7 +64,8 @@ pub(super) fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Diagnostic> {
     ))
 }
 
-/// Returns the fraction of a box that two base stations see, excluding the silent stations.
+/// Returns the fraction, 0 to 1, of a box (left, bottom, right, top in m) that two base stations
+/// see, without the stations in `silent`.
 fn seen_frac(scene: &Scene, silent: &[usize], bounds_m: [f64; 4]) -> Result<f64> {
     let mut sensors = scene.sensors.clone();
     let stations = scene.sensors.lighthouse.stations.iter().enumerate();
@@ -120,7 +122,7 @@ fn estimator(scene: &Scene) -> Diagnostic {
     )
 }
 
-/// Checks that the drone is not heavier than the profile allows.
+/// Checks that the drone's mass in kg is within the profile's limit.
 fn weight(scene: &Scene, profile: &Profile) -> Diagnostic {
     let (mass_kg, most_kg) = (scene.vehicle.mass_kg, profile.mass_kg);
     Diagnostic::check("weight", stop_if(mass_kg > most_kg), mass_kg).within(most_kg).say(
@@ -130,7 +132,8 @@ fn weight(scene: &Scene, profile: &Profile) -> Diagnostic {
     )
 }
 
-/// Checks the steady wind plus two standard deviations of gusts. Light drones have a lower limit.
+/// Checks the steady wind plus two standard deviations of gusts, in m/s. Light drones have a lower
+/// limit.
 fn wind(scene: &Scene, profile: &Profile) -> Diagnostic {
     let steady_m_s = Vector3::from(scene.air.wind_m_s).norm();
     let gusts_m_s = match &scene.air.gusts {
@@ -154,7 +157,7 @@ const LIGHT_WIND_M_S: f64 = 4.0;
 /// parallel that the depth error is 0.18 m, almost the whole corridor of 0.2 m.
 const BASELINE_M: f64 = 1.0;
 
-/// Checks the largest distance between any two base stations.
+/// Checks the largest distance in m between any two base stations.
 fn baseline(scene: &Scene) -> Diagnostic {
     let stations = &scene.sensors.lighthouse.stations;
     let positions_m = stations.iter().map(|station| Vector3::from(station.position_m));
@@ -169,7 +172,7 @@ fn baseline(scene: &Scene) -> Diagnostic {
     )
 }
 
-/// Checks that a drone does not rely on Lighthouse in sunlight.
+/// Checks that a drone does not rely on Lighthouse outdoors.
 fn sunlight(scene: &Scene, profile: &Profile) -> Diagnostic {
     let is_blind = is_by_lighthouse(scene) && profile.is_outdoors;
     Diagnostic::check("sunlight", warn_if(is_blind), None).say(
@@ -191,7 +194,7 @@ fn is_by_lighthouse(scene: &Scene) -> bool {
 /// and few halls are higher than 7 m.
 const FEET_FROM: f64 = 6.5;
 
-/// Checks the ceiling height, which reveals a room measured in feet.
+/// Checks the height of the room in m, which reveals a room measured in feet.
 fn ceiling(profile: &Profile) -> Diagnostic {
     let room_m = profile.room_m.unwrap_or_default();
     let height_m = room_m[2];

@@ -80,7 +80,8 @@ impl CarriedScene {
         Self::read(path).is_ok_and(|carried| carried.is_some_and(|carried| carried.is_bound))
     }
 
-    /// Checks that a file is one of those with which the scene was written.
+    /// Checks that the digest of a file is one of those with which the scene was written. Returns
+    /// [`Error::Input`] otherwise.
     fn check_digest(&self, path: &Path, digests: &BTreeMap<String, String>) -> Result<()> {
         let mut digest = Digest::default();
         std::io::copy(&mut FILE.open(path)?, &mut digest)
@@ -135,7 +136,7 @@ impl CarriedScene {
         Err(Error::input(folder.display(), format!("no {name}"), wanted, hint))
     }
 
-    /// Returns the scene in the header of a log, or `None` for other files.
+    /// Returns the scene in the header of a log, or `None` for a file without one.
     pub fn in_log(path: &Path) -> Option<Self> {
         let file = format!("{} (scene)", path.display());
         let (toml, folder) = (scene_in(path)?, folder_of(path));

@@ -17,7 +17,8 @@ pub(super) const RULES: [(&str, &str); 4] = [
     ("camera.f_number or camera.iso, without camera.metering", "camera.metering = \"off\""),
 ];
 
-/// Sets the values that the layers above a preset imply in its scene, by [`RULES`] in order.
+/// Sets the values that the layers above a preset imply in its scene, by [`RULES`] in order. Layer
+/// 0 is the file, from which the ring's effect is removed if it must not apply.
 pub(super) fn apply(scene: &mut Scene, layers: &mut [Table]) {
     match last_name(layers, "plan.style") {
         Some("even") => scene.plan = PlanOptions::even(),
@@ -62,7 +63,8 @@ pub(super) fn value_at<'a>(layer: &'a Table, key: &str) -> Option<&'a Value> {
     keys.fold(first, |value, key| value?.get(key))
 }
 
-/// Returns the name of a choice, a text or a `kind`, from the highest layer with the key.
+/// Returns the name of a choice, which is a text or the `kind` of a table, from the highest layer
+/// that has the key.
 pub(super) fn last_name<'a>(layers: &'a [Table], key: &str) -> Option<&'a str> {
     layers.iter().rev().find_map(|layer| {
         let value = value_at(layer, key)?;

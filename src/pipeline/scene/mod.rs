@@ -165,7 +165,8 @@ impl Scene {
         Self::checked(values).map_err(|error| text::with_line(error, toml, file))
     }
 
-    /// Reads the scene from a table, and checks its keys, names and ranges.
+    /// Reads the scene from a table with all settings. Returns [`Error::Input`] for an unknown key
+    /// or name, or a value out of range.
     fn checked(values: Table) -> Result<Self> {
         text::check_keys(&values)?;
         let scene = Self::from_table(values)?;
@@ -285,8 +286,8 @@ impl Scene {
         letters::write(&self.word, &self.letters)
     }
 
-    /// Returns the rate of the clock that paces the setpoints, relative to true time. The default
-    /// is the firmware's rate for an onboard trajectory, and 1 otherwise.
+    /// Returns the rate of the clock that paces the setpoints, in its seconds per true second. The
+    /// default is the firmware's rate for an onboard trajectory, and 1 otherwise.
     pub fn trajectory_clock(&self) -> f64 {
         let is_on_board = self.radio.drones > 0 && self.radio.setpoints == Setpoints::OnBoard;
         let usual = if is_on_board { self.vehicle.firmware.clock() } else { 1.0 };

@@ -37,7 +37,7 @@ impl Preset {
         }
     }
 
-    /// Returns the preset's scene, which is parsed only once.
+    /// Returns the preset's scene, whose text is parsed at the first call only.
     pub(super) fn scene(self) -> &'static Scene {
         static SCENES: [OnceLock<Scene>; Preset::ALL.len()] =
             [const { OnceLock::new() }; Preset::ALL.len()];

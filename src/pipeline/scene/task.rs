@@ -101,7 +101,8 @@ fn covers(named: &str, key: &str) -> bool {
     key.strip_prefix(table).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
 }
 
-/// Returns a sentence that lists the keys that differ, with values for the first [`MAX_NAMED`].
+/// Returns a sentence that lists the keys that differ, with the submission's and the task's values
+/// of the first [`MAX_NAMED`]. Each change consists of the key and these two values.
 fn sentence(changes: &[[String; 3]]) -> String {
     let mut parts = Vec::new();
     for [key, value, task] in changes.iter().take(MAX_NAMED) {

@@ -20,7 +20,7 @@ const DIGESTS: &str = "sha256";
 /// Advice for an invalid scene file.
 pub(super) const HINT: &str = "`noctograph scene` prints every key with its meaning and range";
 
-/// Returns the complete scene as a commented TOML file.
+/// Returns the complete scene as a TOML file, in which each key has a comment.
 pub(super) fn document(scene: &Scene) -> String {
     let values = scene.to_table();
     let mut text = "# A noctograph scene: everything that the photo depends on, in SI units,\n\
@@ -44,7 +44,8 @@ fn is_table(value: &Value) -> bool {
     value.is_table() || value.as_array().is_some_and(|rows| rows.iter().any(Value::is_table))
 }
 
-/// Appends the settings of a table whose dotted key is `path`.
+/// Appends the settings of a table whose dotted key is `path`, each with a comment, and its tables
+/// after them.
 fn write_settings(text: &mut String, path: &str, settings: &[Setting], values: &Table) {
     // In TOML, all keys after a table's header belong to that table, so tables must come last.
     let (tables, plain): (Vec<&Setting>, Vec<&Setting>) =
@@ -93,7 +94,7 @@ fn lamps_of_deck(scene: &Scene) -> String {
         + &lines.collect::<String>()
 }
 
-/// Appends a list of tables to the text.
+/// Appends a list of tables, whose dotted key is `path`, to the text.
 fn write_rows(text: &mut String, path: &str, rows: &Value) {
     for (index, row) in rows.as_array().into_iter().flatten().enumerate() {
         let gap = if index > 0 { "\n" } else { "" };
@@ -102,7 +103,7 @@ fn write_rows(text: &mut String, path: &str, rows: &Value) {
     }
 }
 
-/// Appends a key with its value. A long list is split into several lines.
+/// Appends a key with its value. A list that is longer than a line is split into several lines.
 fn write_entry(text: &mut String, key: &str, value: &Value) {
     // Numbers are wrapped like words. Every other item is written on a separate line.
     let line = format!("{key} = {value}\n");
@@ -162,7 +163,8 @@ fn wrap(text: &mut String, first: &str, next: &str, words: &str) {
     text.push('\n');
 }
 
-/// Parses the text of a scene file into a table of known keys. Errors contain the line number.
+/// Parses the text of a scene file into a table of known keys, without digests. Errors contain the
+/// file's name and the line number.
 pub(super) fn read(toml: &str, file: &str) -> Result<Table> {
     let mut table: Table = toml.parse().map_err(|error: toml::de::Error| {
         let line = error.span().map_or(1, |span| line_at(toml, span.start));
@@ -193,11 +195,13 @@ pub(super) fn digests(toml: &str, file: &str) -> Result<BTreeMap<String, String>
     take_digests(&mut table).map_err(|error| with_line(error, toml, file))
 }
 
-/// Removes the digests from a scene file's table, so that only settings remain, and returns them.
+/// Removes the digests from a scene file's table, so that only settings remain, and returns them by
+/// the name of their file. Returns [`Error::Input`] if they are not digests.
 fn take_digests(table: &mut Table) -> Result<BTreeMap<String, String>> {
     let Some(digests) = table.remove(DIGESTS) else { return Ok(BTreeMap::new()) };
     let digests = digests.try_into::<BTreeMap<String, String>>().ok();
     let digests = digests.filter(|digests| {
+        // A SHA-256 has 64 hexadecimal digits.
         digests.values().all(|hex| hex.len() == 64 && hex.bytes().all(|b| b.is_ascii_hexdigit()))
     });
     digests.ok_or_else(|| {
@@ -207,7 +211,8 @@ fn take_digests(table: &mut Table) -> Result<BTreeMap<String, String>> {
     })
 }
 
-/// Returns the text of the digests, which is written after a scene's settings.
+/// Returns the text of a table of digests by the name of their file, which is written after a
+/// scene's settings.
 pub(super) fn digest_table(digests: BTreeMap<String, String>) -> String {
     let digests = Value::try_from(digests).expect("texts are a table");
     let table = Table::from_iter([(DIGESTS.to_owned(), digests)]);
@@ -233,7 +238,8 @@ pub(super) fn check_keys(table: &Table) -> Result<()> {
     check_settings("", Scene::SHAPE.settings(), table)
 }
 
-/// Checks that all keys and names in a table exist. `path` is the dotted key of the table.
+/// Checks that all keys and names in a table exist. `path` is the dotted key of the table, and is
+/// empty for the whole scene.
 fn check_settings(path: &str, settings: &[Setting], table: &Table) -> Result<()> {
     for (key, value) in table {
         let place = joined(path, key);
@@ -279,7 +285,7 @@ fn check_choice(path: &str, shape: Shape, variants: &[Variant], table: &Table) -
     Ok(())
 }
 
-/// Checks that a name is one of a choice's names.
+/// Checks that a name is one of a choice's names. `place` is the choice's dotted key.
 fn check_name(place: &str, name: &str, shape: Shape) -> Result<()> {
     if noctograph_core::settings::names(shape).any(|variant| variant == name) {
         Ok(())
@@ -378,14 +384,16 @@ pub(super) fn single_setting(key: &str, value: &str) -> Result<Table> {
     Ok(table)
 }
 
-/// Returns the keys whose values differ from another scene's, with both values, or `-` for none.
+/// Returns the keys whose values differ from another scene's, each with this scene's and the other
+/// scene's value, or `-` for none.
 pub(super) fn changes(scene: &Scene, other: &Scene) -> Vec<[String; 3]> {
     let mut changes = Vec::new();
     compare(&mut changes, "", &scene.to_table(), &other.to_table());
     changes
 }
 
-/// Collects the keys whose values differ between two tables, with both values.
+/// Appends to `changes` the keys whose values differ between two tables, with both values. `path`
+/// is the dotted key of the tables.
 fn compare(changes: &mut Vec<[String; 3]>, path: &str, values: &Table, others: &Table) {
     // Choices of different kinds have different keys, so the keys of both tables are compared.
     let keys: BTreeSet<&String> = values.keys().chain(others.keys()).collect();
@@ -405,7 +413,8 @@ fn compare(changes: &mut Vec<[String; 3]>, path: &str, values: &Table, others: &
     }
 }
 
-/// Adds the file to an error's place, and the line number if the place begins with a key.
+/// Adds the file to an error's place, and the line number if the place begins with a key of the
+/// text `toml`.
 pub(super) fn with_line(error: Error, toml: &str, file: &str) -> Error {
     let line = match &error {
         Error::Input { place, .. } => line_of(toml, place),
@@ -415,6 +424,7 @@ pub(super) fn with_line(error: Error, toml: &str, file: &str) -> Error {
 }
 
 /// Returns the line number of a key, or that of the innermost table or list around it in the file.
+/// Returns `None` if the file has none of them.
 fn line_of(toml: &str, place: &Place) -> Option<u64> {
     let parsed = DeTable::parse(toml).ok()?;
     // The loop descends from table to table. A missing key has the preset's value.
@@ -450,7 +460,8 @@ fn line_at(text: &str, byte: usize) -> u64 {
     1 + text.bytes().take(byte).filter(|b| *b == b'\n').count() as u64
 }
 
-/// Reads a scene from a table of settings. For a value of the wrong type, the error names the key.
+/// Reads a scene from a table of settings. For a value of the wrong type, the error names the key,
+/// the value, and the type that is wanted.
 pub(super) fn to_scene(values: Table) -> Result<Scene> {
     // `serde_path_to_error` doubles the size of the compiled code that reads a scene. In a web
     // page, the key is therefore taken from the message, which ends with "in `key`".
@@ -481,7 +492,7 @@ pub(super) fn to_scene(values: Table) -> Result<Scene> {
     })
 }
 
-/// Returns the user-facing name of a type or value in place of serde's.
+/// Returns the user-facing name of a type or value in a message of serde.
 fn in_words(text: &str) -> String {
     const WORDS: [(&str, &str); 12] = [
         ("f64", "a number"),

@@ -29,7 +29,8 @@ pub struct SceneFiles {
 }
 
 impl SceneFiles {
-    /// Writes the copies next to a file, under temporary names.
+    /// Writes the copies next to the file `path`, under temporary names, which the caller makes
+    /// final.
     pub fn write_copies(&self, path: &Path) -> Result<Vec<WholeFile>> {
         let copies = self.copies.iter().map(|(name, bytes)| {
             Output::create(&path.with_file_name(name))?.write_with(|out| out.write_all(bytes))
@@ -89,7 +90,7 @@ impl Scene {
     }
 
     /// Returns the scene as the text of a file next to its plan or flight, or of a separate file,
-    /// as described at [`Self::in_folder`].
+    /// as described at [`Self::in_folder`]. Copies are named after that file.
     pub fn beside(&self, path: &Path) -> Result<SceneFiles> {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         let stem = stem.strip_suffix(".scene").unwrap_or(&stem);
@@ -109,7 +110,7 @@ pub(super) fn is_file(name: &str) -> bool {
     name.contains('.')
 }
 
-/// Replaces file names in a scene's table with paths in a folder.
+/// Replaces file names in a scene's table with paths in `folder`. Paths that are absolute stay.
 pub(super) fn find_files(values: &mut Table, folder: &Path) {
     for (table, keys) in
         [("letters", &["font", "fallback", "drawing"][..]), ("photo", &["background"])]

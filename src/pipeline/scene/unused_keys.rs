@@ -105,7 +105,7 @@ const ALWAYS_USED: [&str; 4] = [
 const NO_DRAG: &str =
     "the drone has no drag (vehicle.body_drag_n_s_m, rotor_drag_n_s2_m, airspeed_moment_n_s)";
 
-/// Returns true if the letters come from a typeface file.
+/// Returns true if the letters come from a typeface file, TrueType or OpenType.
 fn is_typeface(scene: &Scene) -> bool {
     scene.letters.drawing.is_empty()
         && std::iter::once(&scene.letters.font)
@@ -122,7 +122,7 @@ fn is_bitmap(scene: &Scene) -> bool {
     kinds.contains(&&*ending(&scene.letters.drawing))
 }
 
-/// Returns true if the simulator uses the speeds of the rotors.
+/// Returns true if the simulator uses the speeds of the rotors, for their lag, drag or inertia.
 fn has_rotor_speeds(vehicle: &VehicleOptions) -> bool {
     vehicle.motor_rise_s + vehicle.motor_fall_s > 0.0
         || vehicle.rotor_drag_n_s2_m > 0.0
@@ -202,7 +202,8 @@ pub fn reason(scene: &Scene, key: &str) -> Option<String> {
     reasons.pop()
 }
 
-/// Returns the reason why a setting's need is not met, or `None` if it is.
+/// Returns the reason why a setting's need is not met, or `None` if it is. `values` are those of
+/// the scene.
 fn unmet(need: &Need, values: &Value) -> Option<String> {
     let Need { key, names, holds } = need;
     let value = values_at(values, key).into_iter().next();
@@ -268,8 +269,8 @@ impl Scene {
     }
 }
 
-/// Collects the keys that differ between two tables. If the kinds of a choice differ, only the key
-/// of the choice is added.
+/// Appends to `keys` the keys that differ between two tables. If the kinds of a choice differ, only
+/// the key of the choice is added.
 fn differing(path: &str, settings: &[Setting], tables: [&Table; 2], keys: &mut Vec<String>) {
     for setting in settings {
         let path = joined(path, setting.key);

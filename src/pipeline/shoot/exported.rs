@@ -58,7 +58,8 @@ impl Shoot {
     }
 }
 
-/// Returns a plan whose lamps are switched by the light of its design.
+/// Returns a plan whose lamps are switched by the light of its design instead of the light
+/// commands.
 fn as_lit(mut plan: Plan, light: &LightOptions) -> Plan {
     let (lit, commanded) = (plan.lit(), plan.commanded());
     let lamps: Vec<String> = plan.lamps().map(|(lamp, _)| lamp.clone()).collect();
@@ -76,8 +77,9 @@ fn as_lit(mut plan: Plan, light: &LightOptions) -> Plan {
     with_color_channels(plan, light)
 }
 
-/// Extends the levels of a color over the strokes of a plan. Each row takes the level of the
-/// nearest commanded row in the stroke. Strokes without a command are not changed.
+/// Extends the levels of a color over the strokes of a plan. `lit` and `commanded` are the levels
+/// of the design and of the commands. Each row takes the level of the nearest commanded row in the
+/// stroke. Strokes without a command are not changed.
 fn extend_color(levels: &mut [f64], lit: &[f64], commanded: &[f64]) {
     let mut end = 0;
     for stroke in lit.chunk_by(|a, b| (*a > 0.0) == (*b > 0.0)) {

@@ -43,14 +43,17 @@ impl Format {
         }
     }
 
-    /// Checks that a picture of this width and height can be encoded in memory.
+    /// Checks that a picture of this width and height in pixels can be encoded in memory. Returns
+    /// [`Error::Infeasible`] otherwise.
     pub(super) fn check(self, [width, height]: [u32; 2]) -> Result<()> {
         let pixels = u64::from(width) * u64::from(height);
         if self == Self::Png || pixels <= MAX_READ_OUT {
             return Ok(());
         }
         // Film, readout and file each take 12 bytes per pixel.
-        let [gb, most_gb] = [pixels, MAX_READ_OUT].map(|pixels| 36.0 * pixels as f64 * 1e-9);
+        const BYTES_PER_PIXEL: f64 = 3.0 * 12.0;
+        let [gb, most_gb] =
+            [pixels, MAX_READ_OUT].map(|pixels| BYTES_PER_PIXEL * pixels as f64 * 1e-9);
         Err(Error::infeasible(
             format!(
                 "{} of {width}x{height} px takes {gb:.1} GB of memory, more than {most_gb:.1} GB",
@@ -65,7 +68,8 @@ impl Format {
 /// which takes 0.9 GB.
 const MAX_READ_OUT: u64 = 24_000_000;
 
-/// Encodes a photo. An 8-bit PNG contains its pixels. Other formats are read out from the film.
+/// Returns the contents of a photo's file. An 8-bit PNG contains the photo's pixels. Other formats
+/// are read out from the film, which must be given.
 pub(super) fn encode(
     format: Format,
     scene: &Scene,
@@ -103,7 +107,8 @@ pub(super) struct Shown {
     pub(super) log_gaps: Vec<LogGap>,
 }
 
-/// Returns the text entries of a photo's file, each with its keyword.
+/// Returns the text entries of a photo's file, each with its keyword, which state how the photo was
+/// made.
 fn notes(seed: u64, camera: &Camera, shown: Shown) -> Vec<(&'static str, String)> {
     let Camera { focal_length_m, f_number, iso, shutter_open_s, shutter_close_s, .. } = camera;
     let camera = format!(

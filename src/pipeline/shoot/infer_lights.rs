@@ -66,7 +66,7 @@ pub fn infer_lights_if_dark(flight: &mut Flight, scene: &mut Scene) -> Result<Op
     Err(error)
 }
 
-/// Switches on the writing lamps from take-off to landing, for a flight without letters.
+/// Switches on the scene's writing lamps from take-off to landing, for a flight without letters.
 pub fn light_while_airborne(flight: &mut Flight, scene: &Scene) {
     let in_air = airborne(flight).unwrap_or_default();
     let levels: Vec<f64> =

@@ -42,12 +42,16 @@ struct Case {
 }
 
 impl Case {
+    /// Reads the scene `text` with settings that override its keys. Products are computed when they
+    /// are needed.
     fn new(text: &str, settings: &[(&str, &str)]) -> Result<Self, String> {
         let scene = Scene::parse_with(text, "scene", settings).map_err(|e| e.to_string())?;
         let (shoot, flights, shot) = (OnceCell::new(), OnceCell::new(), OnceCell::new());
         Ok(Self { scene, shoot, flights, shot })
     }
 
+    /// Returns the planned shoot, which is not judged and runs on one core, or the message of its
+    /// error.
     fn shoot(&self) -> Result<Shoot, String> {
         let shoot = self.shoot.get_or_init(|| {
             let shoot = Shoot::new(self.scene.clone()).map_err(|e| e.to_string())?;

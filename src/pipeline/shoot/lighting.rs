@@ -87,7 +87,8 @@ impl Shoot {
         }
     }
 
-    /// Computes the light of recordings, one for each drone, and the camera for that light.
+    /// Computes the light of recordings, one for each drone, the camera and the exposure for that
+    /// light, and the problems that a photo would have.
     pub(super) fn light(&self, recordings: Vec<Recording>) -> Result<Lighting> {
         let n_drones = recordings.len();
         let (mut flights, mut trace) = (Vec::new(), LightTrace::default());
@@ -137,7 +138,8 @@ impl Shoot {
         Ok(Lighting { flights, trace, writing, camera, metered, problems })
     }
 
-    /// Returns a simulated flight's warnings, a log's gaps, and the channels without a lamp.
+    /// Returns warnings about one flight: those of its simulation, a log's gaps, and channels
+    /// without a lamp. `number` is the drone's number, if there are several.
     fn problems_of_flight(&self, flight: &Flight, number: Option<DroneIndex>) -> Vec<Diagnostic> {
         let is_simulated = !self.plans.is_empty();
         let warnings = flight.warnings.iter().filter(|_| is_simulated);
@@ -146,7 +148,7 @@ impl Shoot {
         warnings.chain(problems::log_gaps(flight)).chain(lampless).collect()
     }
 
-    /// Computes the light of the drone with the given index.
+    /// Returns the light of the lamps of drone `drone`, counted from 0, during a flight.
     pub fn light_drone(&self, drone: usize, flight: &Flight) -> Result<LightTrace> {
         let lamps = self.actual.get(drone).map_or(&self.scene.light, |actual| &actual.light);
         let lamps = in_drawing_colors(lamps, &self.scene, self.strokes.as_ref());
@@ -162,9 +164,9 @@ impl Shoot {
         font.map(|font| problems::lost_strokes(font, &lost)).into_iter().chain(parts).collect()
     }
 
-    /// Returns `[left, bottom, right, top]` of the writing in the plane of the word. The box
-    /// encloses the strokes or, without strokes, the letters in the flights or, without letters,
-    /// the light. Returns zeros for a fixed camera without strokes and letters.
+    /// Returns the box `[left, bottom, right, top]` in m of the writing in the plane of the word.
+    /// The box encloses the strokes or, without strokes, the letters in the flights or, without
+    /// letters, the light. Returns zeros for a fixed camera without strokes and letters.
     fn bounds_m(&self, flights: &[Flight], trace: &LightTrace) -> Result<[f64; 4]> {
         if let Some(strokes) = &self.strokes {
             return Ok(strokes.bounds_m());
@@ -198,7 +200,7 @@ fn has_extent([left, bottom, right, top]: [f64; 4]) -> bool {
     left < right || bottom < top
 }
 
-/// Returns an error for a camera too close to a lit lamp, and for a camera behind the word, which
+/// Checks that the camera is not too close to a lit lamp, and that it is not behind the word, which
 /// would appear mirrored.
 fn check_camera_position(
     trace: &LightTrace,
@@ -231,6 +233,7 @@ fn check_camera_position(
                 let what = format!(
                     "the camera at [{x}, {y}, {z}] is {:.3} m from lamp `{}` at {:.2} s, but must \
                      be at least {MIN_DISTANCE_M} m from every lit lamp",
+                    // Rounded down to millimeters, so that it stays below the limit.
                     (1e3 * distance_m).floor() / 1e3,
                     lamp.label(),
                     sample.time_s

@@ -27,6 +27,11 @@ const ISOS: [f64; 19] = [
 
 /// Width of the metered picture. In a smaller picture the pixels would blur a trail.
 const WIDTH_PX: u32 = 1920;
+/// Aperture number and ISO sensitivity of the camera with which the light is metered.
+const REFERENCE_F_NUMBER: f64 = 8.0;
+const REFERENCE_ISO: f64 = 100.0;
+/// Smallest and largest ISO sensitivity that is set on a camera with exchangeable lenses.
+const USUAL_ISO: [f64; 2] = [100.0, 3200.0];
 /// Stops by which a trail may be darker than its target without a warning.
 const TOLERATED_STOPS: f64 = 1.0;
 
@@ -130,7 +135,8 @@ pub fn recommended(
 
 /// Returns the stops by which the exposure must change to reach the targets, and true if the trail
 /// is darker than its target to keep the room dark. `channel_stops` contains the exposures of the
-/// strongest channel of colored light and of white light.
+/// strongest channel of colored light and of white light, `trail_stops` that of the trail, and
+/// `room_stops` that of the room.
 fn correction_stops(
     targets: &TrailMetering,
     channel_stops: [Option<f64>; 2],
@@ -153,18 +159,19 @@ fn correction_stops(
     (stops, stops < wanted_stops - TOLERATED_STOPS)
 }
 
-/// Returns the camera for metering, whose width, aperture and sensitivity are always the same.
+/// Returns the camera for metering, whose width, aperture and sensitivity are always the same, so
+/// that readings do not depend on them.
 fn reference_camera(camera: &Camera, options: &CameraOptions) -> Camera {
     let aspect = f64::from(camera.height_px) / f64::from(camera.width_px);
     #[expect(clippy::cast_possible_truncation, reason = "a side")]
     let height_px = (f64::from(WIDTH_PX) * aspect).ceil() as u32;
-    let (width_px, f_number, iso) = (WIDTH_PX, 8.0, 100.0);
+    let (width_px, f_number, iso) = (WIDTH_PX, REFERENCE_F_NUMBER, REFERENCE_ISO);
     let vignetting = options.vignetting_at(f_number);
     Camera { f_number, iso, vignetting, width_px, height_px, ..camera.clone() }
 }
 
-/// Returns the f-number and the sensitivity whose exposure is `stops` above that of `camera`, as
-/// closely as possible. The sensitivity compensates for what the aperture cannot provide.
+/// Returns the f-number and the ISO sensitivity whose exposure is `stops` above that of `camera`,
+/// as closely as possible. The sensitivity compensates for what the aperture cannot provide.
 fn settings(options: &CameraOptions, camera: &Camera, stops: f64) -> (f64, f64) {
     // The aperture of a phone is fixed, so only the sensitivity can be set.
     let min_f_number = options.lens.figures().min_f_number;
@@ -177,7 +184,7 @@ fn settings(options: &CameraOptions, camera: &Camera, stops: f64) -> (f64, f64) 
         }
     };
     let opened_stops = 2.0 * libm::log2(camera.f_number / f_number);
-    let [min_iso, max_iso] = fixed.map_or([100.0, 3200.0], |lens| lens.iso);
+    let [min_iso, max_iso] = fixed.map_or(USUAL_ISO, |lens| lens.iso);
     let isos = ISOS.into_iter().filter(|iso| (min_iso..=max_iso).contains(iso));
     (f_number, nearest(isos, camera.iso * libm::exp2(stops - opened_stops)))
 }

@@ -215,7 +215,7 @@ impl Shoot {
         Self::of_strokes(scene, strokes, &|_| Ok(()))
     }
 
-    /// Plans strokes that have already been drawn for the scene. The designs must pass `check`.
+    /// Plans the strokes `strokes` for the scene. The designs must pass `check`.
     ///
     /// # Errors
     ///
@@ -249,6 +249,7 @@ impl Shoot {
 
     /// Prepares the photograph of recorded flights or light, one for each drone, all on the same
     /// clock. The exposure begins with the first recording. Without a word, the photo is not read.
+    /// Returns the errors of [`Self::check_recordings`] and [`Self::with_plans`].
     pub fn with_recordings(scene: Scene, mut recordings: Vec<Recording>) -> Result<Self> {
         Self::check_recordings(&recordings)?;
         start_at_zero(&mut recordings);
@@ -265,7 +266,9 @@ impl Shoot {
             Recording::Flight(flight) => flight.samples.len(),
             // A sample of light takes a quarter of the memory of a flight's sample.
             Recording::Light(trace) => {
-                trace.lamps.iter().map(|lamp| lamp.samples.len()).sum::<usize>() / 4
+                const PER_FLIGHT_SAMPLE: usize = 4;
+                let n_samples: usize = trace.lamps.iter().map(|lamp| lamp.samples.len()).sum();
+                n_samples / PER_FLIGHT_SAMPLE
             }
         });
         let n: usize = counts.sum();
@@ -329,7 +332,8 @@ impl Shoot {
         pairs.collect()
     }
 
-    /// Returns a simulated drone by index. `believed` is the drone that its controller assumes.
+    /// Returns the simulated drone with this index. `believed` is the drone that its controller
+    /// assumes, which differs from the actual one in studies.
     fn drone<'a>(&'a self, drone: usize, believed: &'a SimOptions) -> Drone<'a> {
         let actual = self.actual.get(drone).map_or(believed, |actual| &actual.sim);
         let seed = self.scene.seed;
@@ -418,7 +422,8 @@ impl Shoot {
         Ok(self.fly(watch)?.into_iter().map(Recording::Flight).collect())
     }
 
-    /// Returns a reader for the strokes, or `None` if the photo is not read or cannot be judged.
+    /// Returns a reader for the strokes, or `None` if the photo is not read or cannot be judged. A
+    /// reader that is already prepared is shared.
     fn reader(&self) -> Result<Option<Arc<Reader>>> {
         let word = self.strokes.as_ref().filter(|strokes| is_judged(strokes));
         let word = word.filter(|_| self.judging != Judging::Skipped);

@@ -59,7 +59,8 @@ impl Shot {
     }
 }
 
-/// Returns the samples of lamps between `from_s` and `to_s`, and one sample before and after them.
+/// Returns the samples of lamps between two times in s, and one sample before and after them, so
+/// that the path between is complete.
 fn samples_between(trace: &LightTrace, from_s: f64, to_s: f64) -> LightTrace {
     let lamps = trace.lamps.iter().map(|lamp| {
         let first = lamp.samples.partition_point(|sample| sample.time_s < from_s);

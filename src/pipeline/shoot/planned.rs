@@ -33,7 +33,8 @@ pub struct Planned {
     pub ends: Vec<StrokeEnd>,
 }
 
-/// Plans the flights for a drawing, one per drone, by `[plan]`. The designs must pass `check`.
+/// Plans the flights for a drawing, one per drone, by the scene's table `plan`. The designs must
+/// pass `check`. Returns the plans in the order of the drones, or the first drone's error.
 pub(super) fn plan(
     scene: &Scene,
     strokes: &Strokes,
@@ -90,7 +91,8 @@ fn leading_reference(scene: &Scene, design: Plan, responses: &[StepResponse; 3])
     Ok(corrected(&reference, &flight, &inverse))
 }
 
-/// Adds the color channels of lamps that write letters in different colors.
+/// Returns a plan with the color channels of lamps that write letters in different colors. Without
+/// such colors, the plan is unchanged.
 pub(super) fn with_color_channels(mut plan: Plan, light: &LightOptions) -> Plan {
     if light.letters_wrgb.is_empty() {
         return plan;
@@ -112,7 +114,7 @@ pub(super) fn with_color_channels(mut plan: Plan, light: &LightOptions) -> Plan 
                 } else {
                     light.wrgb_of(*letter)[color]
                 };
-                f64::from(byte) / 255.0
+                f64::from(byte) / f64::from(u8::MAX)
             });
             let levels = levels.collect();
             plan.edit(|plan| plan.lights.insert((*channel).to_owned(), levels));
@@ -124,7 +126,8 @@ pub(super) fn with_color_channels(mut plan: Plan, light: &LightOptions) -> Plan 
 /// Maximum number of multiplications for inverting a loop, which take a few seconds.
 const MAX_INVERSE: f64 = 4e9;
 
-/// Returns an error if inverting the loop for a plan's setpoints would take minutes.
+/// Checks that inverting the loop for a plan's setpoints takes at most [`MAX_INVERSE`]
+/// multiplications, which is minutes.
 fn check_cost(plan: &Plan, responses: &[StepResponse; 3]) -> Result<()> {
     let n = plan.setpoints.len();
     let interval_s = plan.duration_s() / n.max(1) as f64;
@@ -158,7 +161,7 @@ pub fn rehearse(scene: &Scene, plan: &Plan) -> Result<Flight> {
 }
 
 /// Moves a plan's light commands so that the light begins and ends with the strokes in a simulated
-/// or real flight of the plan.
+/// or real flight of the plan. Returns the plan with the errors that remain at the strokes' ends.
 pub fn aim(scene: &Scene, lamps: &LightOptions, plan: &Plan, flight: &Flight) -> Result<Planned> {
     let between =
         if scene.controller.kind.follows_reference() { Between::Design } else { Between::Held };
@@ -171,7 +174,8 @@ pub fn stroke_end_errors(scene: &Scene, plan: &Plan, flight: &Flight) -> Result<
     stroke_ends(plan, flight, &lamp_timing(&scene.light))
 }
 
-/// Returns the mean delays between light commands and the light.
+/// Returns the mean delay between a command and its arrival, and the period of the lamp's timer, in
+/// s.
 fn lamp_timing(options: &LightOptions) -> LampTiming {
     LampTiming {
         delay_s: options.radio_delay_s + 0.5 * options.radio_jitter_s,

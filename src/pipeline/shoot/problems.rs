@@ -112,7 +112,8 @@ fn drives(channel: &str, lamp: &str) -> bool {
     channel.strip_prefix(lamp).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
 }
 
-/// Returns the obstacles that flights, lamps and camera reveal without a photo.
+/// Returns the obstacles that flights, lamps and camera reveal without a photo. `cap_height_m` is
+/// the height of the letters, or 0 if it is unknown.
 pub(super) fn before_photo(
     flights: &[Flight],
     lamps: &[&Lamp],
@@ -165,8 +166,8 @@ fn unlit_or_away(lamps: &[&Lamp], camera: &Camera, cap_height_m: f64) -> Option<
     Some(obstacle(FACES_AWAY, message, help).with("away_frac", away_frac))
 }
 
-/// Returns the fraction of a lamp's light that faces away from a camera, and the length of the
-/// longest continuous path along which it does. Returns `None` for an unlit lamp.
+/// Returns the fraction, 0 to 1, of a lamp's light that faces away from a camera, and the length in
+/// m of the longest continuous path along which it does. Returns `None` for an unlit lamp.
 fn facing_away(lamp: &Lamp, camera: &Camera) -> Option<(f64, f64)> {
     let (mut n_lit, mut n_away, mut path_m, mut longest_m) = (0_u32, 0_u32, 0.0, 0.0_f64);
     let mut previous_m: Option<Vector3<f64>> = None;
@@ -262,8 +263,8 @@ pub(super) fn log_gaps(flight: &Flight) -> impl Iterator<Item = Diagnostic> {
     })
 }
 
-/// Returns warnings about a word and about light partly outside the picture. `is_framed` is true
-/// for a camera that frames the word.
+/// Returns warnings about a word and about light partly outside the picture. The box of the word is
+/// in m. `is_framed` is true for a camera that frames the word.
 pub(super) fn outside(
     trace: &LightTrace,
     [left, bottom, right, top]: [f64; 4],

@@ -56,7 +56,7 @@ pub fn step_responses(options: &SimOptions) -> Result<[StepResponse; 3]> {
     }))
 }
 
-/// Simulates a hovering drone whose setpoint steps along all axes at once.
+/// Simulates a hovering drone whose setpoint steps by `step_m` along all axes at once.
 fn fly_step(options: &SimOptions, step_m: f64) -> Result<Flight> {
     let times_and_steps = [(0.0, 0.0), (BEFORE_S, step_m), (BEFORE_S + AFTER_S, step_m)];
     let setpoints = times_and_steps.map(|(time_s, step_m)| Setpoint {

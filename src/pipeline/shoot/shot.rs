@@ -222,7 +222,8 @@ impl Shoot {
     }
 }
 
-/// Adds the exposure problem, if there is one, and updates the verdict for all obstacles.
+/// Adds the exposure problem, if there is one, to the problems, and updates the verdict for
+/// obstacles.
 fn add_exposure_problem(
     exposed: Option<Diagnostic>,
     problems: &mut Vec<Diagnostic>,
@@ -271,7 +272,7 @@ fn mean(values: impl ExactSizeIterator<Item = f64>) -> Option<f64> {
 /// Maximum number of log gaps listed in a photo's file. The reference flight has three.
 const MAX_LOG_GAPS: usize = 1000;
 
-/// Returns the gaps in a real flight's log during which its photo is dark.
+/// Returns the gaps in a real flight's log during which its photo is dark, up to [`MAX_LOG_GAPS`].
 fn log_gaps(flight: &Flight) -> Vec<LogGap> {
     let mut gaps = Vec::new();
     for (Gap { span_s, .. }, way_m) in dark(flight) {

@@ -48,7 +48,8 @@ pub(super) const TOO_LONG_HINT: &str = "raise plan.stroke_speed_m_s or plan.styl
 type Visit = (usize, usize);
 
 /// Returns the strokes of a drawing in the order and direction in which they are flown. Handwriting
-/// keeps the writer's order and direction.
+/// keeps the writer's order and direction. Returns the errors of [`as_drawn`] and
+/// [`check_duration`].
 pub(super) fn in_order(
     strokes: &Strokes,
     speed_m_s: f64,
@@ -64,8 +65,9 @@ pub(super) fn in_order(
     Ok(flown)
 }
 
-/// Returns an error early if many strokes take far too long. The duration is estimated from a
-/// sample of transits, because planning all of them is most of the work.
+/// Returns [`Error::Infeasible`] early if many strokes certainly take longer than the longest
+/// flight. The duration is estimated from a sample of transits, because planning all of them is
+/// most of the work.
 fn check_duration(flown: &[PenStroke], speed_m_s: f64, style: &EvenStyle) -> Result<()> {
     let n_strokes = flown.len();
     if n_strokes < 2 * SAMPLED_TRANSITS {
@@ -162,8 +164,9 @@ fn as_read(drawn: &[PenStroke], speed_m_s: f64, style: &EvenStyle) -> Vec<PenStr
     along(drawn, if is_fast { read } else { shortest })
 }
 
-/// Returns the tour with the least time in the dark, which is optimal for few strokes. The tour
-/// goes letter by letter if `letters` is not empty.
+/// Returns the tour with the least time in the dark, which is optimal for up to [`EXACT_STROKES`]
+/// strokes. The tour goes letter by letter if `letters`, with the letter of each stroke, is not
+/// empty.
 fn shortest_tour(ways: &[Vec<Way>], style: &EvenStyle, letters: &[usize]) -> Vec<Visit> {
     if ways.len() <= EXACT_STROKES {
         let is_planned = ways.iter().map(Vec::len).sum::<usize>() <= MAX_PLANNED_WAYS;
@@ -191,8 +194,8 @@ impl Tour<'_> {
         &self.ways[visit.0][visit.1]
     }
 
-    /// Returns the duration of the transit between two strokes or the floor, plus the cost of
-    /// changing letters.
+    /// Returns the duration in s of the transit between two strokes, or from or to the floor for
+    /// `None`, plus the cost of changing letters.
     fn between_s(&self, from: Option<Visit>, to: Option<Visit>) -> f64 {
         let still = Vector2::zeros();
         match (from.map(|from| self.way(from)), to.map(|to| self.way(to))) {
@@ -211,8 +214,8 @@ impl Tour<'_> {
         }
     }
 
-    /// Returns the planned or estimated duration of a transit over a displacement from one velocity
-    /// to another. The duration is infinite if no transit exists.
+    /// Returns the planned or estimated duration in s of a transit over a displacement in m from
+    /// one velocity to another (m/s). The duration is infinite if no transit exists.
     fn transit_s(&self, path_m: Vector2<f64>, from: Vector2<f64>, to: Vector2<f64>) -> f64 {
         if self.is_planned {
             let moving =
@@ -227,7 +230,7 @@ impl Tour<'_> {
         axis(0).max(axis(1))
     }
 
-    /// Returns a tour's total time in the dark, including take-off and landing.
+    /// Returns a tour's total time in s in the dark, including take-off and landing.
     fn total_s(&self, visits: &[Visit]) -> f64 {
         let inner = visits.windows(2).map(|pair| self.between_s(Some(pair[0]), Some(pair[1])));
         inner.sum::<f64>()
@@ -235,7 +238,8 @@ impl Tour<'_> {
             + self.between_s(visits.last().copied(), None)
     }
 
-    /// Returns the optimal tour (Held and Karp 1962).
+    /// Returns the optimal tour by dynamic programming over sets of strokes (Held and Karp 1962),
+    /// whose time and memory double with each stroke.
     fn exact(&self) -> Vec<Visit> {
         let visits: Vec<Visit> = (0..self.ways.len())
             .flat_map(|stroke| (0..self.ways[stroke].len()).map(move |way| (stroke, way)))
@@ -260,8 +264,8 @@ impl Tour<'_> {
     }
 
     /// Returns a table with a row for each set of strokes (a bit per stroke) and a column for each
-    /// last visit. Each entry contains the least time so far and the index of the previous visit
-    /// (`usize::MAX` if there is none).
+    /// last visit. Each entry contains the least time in s so far and the index of the previous
+    /// visit (`usize::MAX` if there is none).
     fn best_ends(&self, visits: &[Visit]) -> Vec<(f64, usize)> {
         let (n, full) = (visits.len(), (1_usize << self.ways.len()) - 1);
         // Every transit is computed once. There is none between two ways of the same stroke.
@@ -328,7 +332,8 @@ impl Tour<'_> {
     }
 }
 
-/// Returns the minimum time along an axis for a distance, between two velocities, within limits.
+/// Returns the minimum time in s along an axis for a distance and two velocities, with limits of
+/// speed and acceleration.
 fn axis_s(path_m: f64, from_m_s: f64, to_m_s: f64, speed_m_s: f64, limit_m_s2: f64) -> f64 {
     // The axis is reversed if necessary, so that the drone first accelerates and then brakes.
     let direct_m = 0.5 * (from_m_s + to_m_s) * (to_m_s - from_m_s).abs() / limit_m_s2;

@@ -11,6 +11,8 @@ use super::{Tour, Visit};
 const NEIGHBORS: usize = 8;
 /// Maximum number of rounds of improvement, which no drawing has reached.
 const MAX_ROUNDS: usize = 30;
+/// Relative tolerance for rounding errors of a lower bound.
+const ROUNDING: f64 = 1e-9;
 /// Minimum time in s that a change must save, which exceeds rounding errors.
 const LEAST_SAVED_S: f64 = 1e-9;
 /// Maximum number of strokes that Or-opt moves together.
@@ -31,10 +33,9 @@ impl Tour<'_> {
             let (mut least_s, mut best) = (f64::INFINITY, (0, 0));
             for (index, stroke) in remaining.iter().enumerate() {
                 for (way, start_m) in self.ways[*stroke].iter().map(|way| way.start_m).enumerate() {
-                    // The distance on the longer axis at full speed gives a fast lower bound. The
-                    // factor compensates for rounding.
+                    // The distance on the longer axis at full speed gives a fast lower bound.
                     let axis_m = end_m.map_or(0.0, |end_m| (start_m - end_m).amax());
-                    if axis_m > least_s * speed_m_s * (1.0 + 1e-9) {
+                    if axis_m > least_s * speed_m_s * (1.0 + ROUNDING) {
                         continue;
                     }
                     let dark_s = self.between_s(last, Some((*stroke, way)));
@@ -71,7 +72,8 @@ impl Tour<'_> {
         neighbors.collect()
     }
 
-    /// Improves a tour by 2-opt and Or-opt until neither saves time.
+    /// Improves a tour by 2-opt and Or-opt until neither saves [`LEAST_SAVED_S`] in a round, or for
+    /// [`MAX_ROUNDS`] rounds.
     pub(super) fn improve(&self, visits: &mut Vec<Visit>) {
         let neighbors = self.neighbors();
         for _ in 0..MAX_ROUNDS {

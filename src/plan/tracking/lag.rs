@@ -49,8 +49,8 @@ pub(super) fn best_shift_s(
     refined(range_s, best_s, |shift_s| cost(1, shift_s))
 }
 
-/// Returns the variance of errors plus a small part of their squared mean, so that a shift in time
-/// is preferred to an offset in space. The result is 0 for an empty list.
+/// Returns the variance in m² of errors plus a small part of their squared mean, so that a shift in
+/// time is preferred to an offset in space. The result is 0 for an empty list.
 pub fn spread_m2<const D: usize>(errors_m: impl Iterator<Item = SVector<f64, D>>) -> f64 {
     let (n, sum, squares) = errors_m.fold((0.0, SVector::zeros(), 0.0), |(n, sum, squares), e| {
         (n + 1.0, sum + e, squares + e.norm_squared())
@@ -61,14 +61,14 @@ pub fn spread_m2<const D: usize>(errors_m: impl Iterator<Item = SVector<f64, D>>
     squares / n - (1.0 - OFFSET_WEIGHT) * (sum / n).norm_squared()
 }
 
-/// Returns the minimum of a function over a range, by a grid search, followed by a golden-section
-/// search around the best point of the grid.
+/// Returns the shift in s at which `cost` is least, within a range from its start to its end, by a
+/// grid search, followed by a golden-section search around the best point of the grid.
 pub fn minimize(range: [f64; 2], mut cost: impl FnMut(f64) -> f64) -> f64 {
     let best = best(grid(range).map(|shift_s| (cost(shift_s), shift_s)));
     refined(range, best, cost)
 }
 
-/// Returns the shifts of a grid over a range.
+/// Returns the shifts in s of a grid over a range, with steps of [`STEP_S`] and both ends.
 fn grid([low, high]: [f64; 2]) -> impl Iterator<Item = f64> {
     #[expect(clippy::cast_possible_truncation, reason = "small")]
     let n_steps = ((high - low) / STEP_S).ceil() as u32;
@@ -81,8 +81,8 @@ fn best(costs: impl Iterator<Item = (f64, f64)>) -> f64 {
     best.expect("a grid has a point").1
 }
 
-/// Returns the minimum of a function between the neighbors of a point of the grid, by
-/// golden-section search (Kiefer 1953).
+/// Returns the argument in s at which a function is least, between the neighbors of `best`, a point
+/// of the grid, by golden-section search (Kiefer 1953).
 fn refined([low, high]: [f64; 2], best: f64, mut fine: impl FnMut(f64) -> f64) -> f64 {
     // Two inner points a and b divide the interval. The part beyond the worse one is dropped, and
     // the better one becomes an inner point of the remaining interval.

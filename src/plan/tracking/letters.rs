@@ -7,8 +7,8 @@ use noctograph_core::error::Result;
 use noctograph_core::flight::{Flight, FlightSample};
 use noctograph_core::plan::Plan;
 
-/// Returns the plan's time at which a flight's clock begins, from the first light of each. Returns
-/// `None` if one of them contains no light.
+/// Returns the plan's time in s at which a flight's clock begins, from the first light of each.
+/// Returns `None` if one of them contains no light.
 pub fn on_plan_s(flight: &Flight, plan: &Plan) -> Option<f64> {
     let planned = first_lit(plan.lights.values());
     // A plan without lights begins to draw at its first setpoint within a letter.
@@ -22,7 +22,8 @@ fn first_lit<'a>(channels: impl Iterator<Item = &'a Vec<f64>>) -> Option<usize> 
     channels.filter_map(|levels| levels.iter().position(|level| *level > 0.0)).min()
 }
 
-/// Adds the letters of the plan that a flight followed to a flight without letters.
+/// Adds the letters of the plan that a flight followed to a flight without letters. Does nothing if
+/// the flight has letters, or if the first light of one of them is unknown.
 pub fn letters_by_plan(flight: &mut Flight, plan: &Plan) {
     let Some(on_plan_s) = on_plan_s(flight, plan) else { return };
     if flight.samples.iter().any(|sample| sample.letter.is_some()) {

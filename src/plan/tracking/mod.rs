@@ -178,15 +178,15 @@ pub fn least_cap_height_m(flight: &Flight, part: Part) -> Result<f64> {
     Ok(after_lag(&samples, &design).1.z / HEIGHT_ERROR_FRAC)
 }
 
-/// Returns the lag, and the root-mean-square error relative to the design shifted by it.
+/// Returns the lag in s, and the root-mean-square error in m relative to the design shifted by it.
 fn after_lag(samples: &[FlightSample], design: &DesignPath) -> (f64, Vector3<f64>) {
     let lag_s = lag::best_shift_s(samples, design, [-MAX_LAG_S, MAX_LAG_S]);
     let mut walk = design.walk();
     (lag_s, rms(samples.iter().map(|s| s.position_m - walk.at_m(s.time_s - lag_s))))
 }
 
-/// Returns the samples of a part of a flight, and the path of its design. Returns an error if
-/// either is missing.
+/// Returns the samples of a part of a flight, and the path of its design. Returns [`Error::Input`]
+/// if either is missing.
 pub fn designed(flight: &Flight, part: Part) -> Result<(Vec<FlightSample>, DesignPath)> {
     let samples = part.samples(flight)?;
     let design = DesignPath::new(flight).ok_or_else(|| {
@@ -196,7 +196,7 @@ pub fn designed(flight: &Flight, part: Part) -> Result<(Vec<FlightSample>, Desig
     Ok((samples, design))
 }
 
-/// Returns statistics of the distances from the samples to the design's path around their
+/// Returns statistics in m of the distances from the samples to the design's path around their
 /// lag-shifted times.
 fn contour(samples: &[FlightSample], design: &DesignPath, lag_s: f64) -> ContourError {
     let mut walk = design.walk();
@@ -229,7 +229,7 @@ fn drift(samples: &[FlightSample]) -> Drift {
     }
 }
 
-/// Returns the mean, standard deviation and maximum absolute value of the attitude angles.
+/// Returns the mean, standard deviation and maximum absolute value in rad of each attitude angle.
 fn attitude_spread(samples: &[FlightSample]) -> AttitudeSpread {
     let angles = || samples.iter().map(|sample| angles_rad(&sample.attitude));
     let mean = mean(angles());

@@ -34,6 +34,8 @@ const LANES: usize = 8;
 const ROUNDING_M: f64 = 1e-9;
 
 impl Segments {
+    /// Adds a segment of the plane (start x and z, step x and z, and squared length) at the end of
+    /// the path.
     fn push(&mut self, segment: [f64; 5]) {
         let before = self.len().checked_sub(1);
         let start_m = before.map_or(0.0, |n| self.starts_m[n] + self.columns[4][n].sqrt());
@@ -76,7 +78,8 @@ impl Segments {
         least_m2
     }
 
-    /// Returns the path length around a segment's start without a point nearer than `least_m2`.
+    /// Returns the path length in m around a segment's start without a point nearer than
+    /// `least_m2`.
     #[inline(always)]
     fn skipped_m(&self, point_m: Vector2<f64>, segment: usize, least_m2: f64) -> f64 {
         let [x, z] = [0, 1].map(|axis| self.columns[axis].get(segment).copied());
@@ -85,7 +88,8 @@ impl Segments {
         ((x * x + z * z).sqrt() - least_m2.sqrt() - ROUNDING_M).max(0.0)
     }
 
-    /// Returns the squared distance of a point from the nearest of at most [`LANES`] segments.
+    /// Returns the squared distance in m² of a point from the nearest of at most [`LANES`]
+    /// segments.
     #[inline(always)]
     fn nearest_m2(&self, point_m: Vector2<f64>, range: Range<usize>) -> f64 {
         let columns = self.columns.each_ref().map(|column| &column[range.clone()]);
@@ -109,7 +113,8 @@ fn plane_segment(from_m: Vector3<f64>, to_m: Vector3<f64>) -> [f64; 5] {
     [from_m.x, from_m.z, step_m.x, step_m.y, step_m.norm_squared()]
 }
 
-/// Returns the squared distance of a point from a segment.
+/// Returns the squared distance in m² of a point from a segment, given by its start, step and
+/// squared length.
 #[inline(always)]
 fn squared_distance_m2(
     point_m: Vector2<f64>,
@@ -183,7 +188,8 @@ impl Walk<'_> {
         self.path.on_segment(segment, time_s)
     }
 
-    /// Returns the position of the design at `time_s` in the x-z plane.
+    /// Returns the position in m of the design at `time_s` in the x-z plane. Times must not
+    /// decrease between calls.
     pub fn at_in_plane_m(&mut self, time_s: f64) -> Vector2<f64> {
         let segment = self.segment_at(time_s);
         let (start, end) = self.path.ends(segment);
@@ -192,7 +198,7 @@ impl Walk<'_> {
         from_m + (to_m - from_m) * fraction(start, end, time_s)
     }
 
-    /// Returns the segment at `time_s`.
+    /// Returns the index of the segment at `time_s`, which must not decrease between calls.
     #[inline(always)]
     fn segment_at(&mut self, time_s: f64) -> usize {
         let corners = &self.path.corners;
@@ -202,7 +208,8 @@ impl Walk<'_> {
         self.segment
     }
 
-    /// Returns the x-z distance in m from a point to the design's path between two times.
+    /// Returns the distance in m in the x-z plane from a point to the design's path between two
+    /// times. The first time must not decrease between calls.
     pub fn distance_m(&mut self, point_m: Vector3<f64>, [from_s, to_s]: [f64; 2]) -> f64 {
         let from_m = self.at_m(from_s);
         let (path, first, point_m) = (self.path, self.segment, point_m.xz());
@@ -229,14 +236,16 @@ impl DesignPath {
         self.on_segment(index, end_s)
     }
 
-    /// Returns the position at a time on the segment after a corner, or the nearer end outside it.
+    /// Returns the position in m at a time on the segment after a corner, or the nearer end outside
+    /// it.
     fn on_segment(&self, index: usize, time_s: f64) -> Vector3<f64> {
         let (start, end) = self.ends(index);
         let Some(end) = end else { return start.at_m };
         start.at_m + (end.at_m - start.at_m) * fraction(start, end, time_s)
     }
 
-    /// Returns the corners at both ends of the segment from a corner. The last one has no end.
+    /// Returns the corner at the start of a segment and the corner at its end. The last segment has
+    /// no end.
     #[inline(always)]
     fn ends(&self, index: usize) -> (&Corner, Option<&Corner>) {
         (&self.corners[index], self.corners.get(index + 1))

@@ -43,7 +43,7 @@ impl Entries {
         self.list().flown_file(|entry| self.hangs(entry, key), name)
     }
 
-    /// Returns the photo of the flight so far of an entry on the wall.
+    /// Returns the JPEG of the flight so far of the entry on the wall whose name there is `key`.
     pub(crate) fn wall_light(&self, key: &str) -> Option<Bytes> {
         let list = self.list();
         let stored = list.first(|entry| self.hangs(entry, key))?;
@@ -87,7 +87,8 @@ impl Entries {
         self.list().first(|entry| entry.id == id).is_some_and(|stored| is_approved(&stored.entry))
     }
 
-    /// Shows the photo of a flight so far. Walls are notified when the flight begins.
+    /// Shows the photo (JPEG) of an entry's flight so far on the wall. Walls are notified when the
+    /// flight begins.
     pub(crate) fn shine(&self, id: &str, jpeg: Vec<u8>) {
         let mut list = self.list();
         let was_live = list.light.as_ref().is_some_and(|light| light.is_live && light.id == id);
@@ -97,7 +98,7 @@ impl Entries {
         }
     }
 
-    /// Marks the flight that the wall shows as ended.
+    /// Marks the flight that the wall shows as ended, and notifies the walls.
     pub(crate) fn end_light(&self) {
         if let Some(light) = self.list().light.as_mut().filter(|light| light.is_live) {
             light.is_live = false;
@@ -105,7 +106,7 @@ impl Entries {
         }
     }
 
-    /// Stores the photo of an entry's flight.
+    /// Stores the photo of an entry's flight, with which the wall then replaces the preview.
     pub(crate) fn land(&self, id: &str, Parcel { figures, files }: &Parcel) -> KeyResult<()> {
         let folder = self.list().first(|entry| entry.id == id).ok_or(Key::Closed)?.folder.clone();
         // The list is not locked during the disk access.
@@ -118,7 +119,7 @@ impl Entries {
         Ok(())
     }
 
-    /// Sets the operator's notes about the logs of flights.
+    /// Replaces the notes about the logs of flights that the operator's page shows.
     pub(crate) fn note(&self, notes: Vec<FlightNote>) {
         let mut list = self.list();
         if list.notes != notes {

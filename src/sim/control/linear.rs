@@ -26,8 +26,9 @@ pub fn linearize<const N: usize, const M: usize>(
     (jacobian(|x| f(x, u), x, STEP), jacobian(|u| f(x, u), u, STEP))
 }
 
-/// Does the same as [`linearize`] with Richardson's extrapolation from two steps, exact to 1e-12,
-/// for numbers that are compared with references instead of used in flight.
+/// Returns the linear model `(A, B)` as [`linearize`] does, but with Richardson's extrapolation
+/// from two steps, which is exact to 1e-12. The result serves for printed numbers and comparisons,
+/// because a flight does not need this accuracy.
 pub fn linearize_finely<const N: usize, const M: usize>(
     f: impl Fn(&SVector<f64, N>, &SVector<f64, M>) -> SVector<f64, N>,
     x: &SVector<f64, N>,
@@ -40,7 +41,8 @@ pub fn linearize_finely<const N: usize, const M: usize>(
     (a / 3.0, b / 3.0)
 }
 
-/// Returns the Jacobian of `f` by central differences with a relative step.
+/// Returns the Jacobian of `f` by central differences. `step` is relative to the larger of 1 and
+/// the argument.
 fn jacobian<const N: usize, const M: usize>(
     f: impl Fn(&SVector<f64, M>) -> SVector<f64, N>,
     point: &SVector<f64, M>,
@@ -78,7 +80,8 @@ pub fn observability_rank(a: &Matrix, c: &Matrix) -> usize {
     rank(observability_columns(a, c))
 }
 
-/// Returns the transposed observability matrix, `[Cᵀ AᵀCᵀ (A²)ᵀCᵀ …]`.
+/// Returns the transposed observability matrix, `[Cᵀ AᵀCᵀ (A²)ᵀCᵀ …]`. The scale of its columns is
+/// arbitrary, so it serves only to determine ranks.
 fn observability_columns(a: &Matrix, c: &Matrix) -> Matrix {
     let (n, p) = (a.nrows(), c.nrows());
     // Time is scaled so that the powers of A neither grow nor shrink much.

@@ -63,7 +63,8 @@ fn response(
     Some(Complex::new(k.dot(&u), k.dot(&v)))
 }
 
-/// Returns the margins of a loop from its response over a sweep of frequencies.
+/// Returns the phase margin, its crossover and both gain margins of a loop, from the response over
+/// a sweep of frequencies in rad/s. A margin without a crossover in the sweep is `None`.
 fn swept_margins(response: impl Fn(f64) -> Option<Complex<f64>>) -> Margins {
     let mut margins = Margins::default();
     // The steps of the logarithm are equal. A frequency at a pole of the open loop has no response.
@@ -101,9 +102,9 @@ fn swept_margins(response: impl Fn(f64) -> Option<Complex<f64>>) -> Margins {
     margins
 }
 
-/// Returns the frequency at which a function of the response changes its sign, by bisection of the
-/// logarithm, and the response there. `values` contains the responses at the ends of the range.
-/// Returns `None` if both have the same sign.
+/// Returns the frequency in rad/s at which a function of the response changes its sign, by
+/// bisection of the logarithm, and the response there. `values` contains the responses at the ends
+/// of the range. Returns `None` if both have the same sign.
 fn crossing(
     response: impl Fn(f64) -> Option<Complex<f64>>,
     [mut low, mut high]: [f64; 2],

@@ -50,7 +50,8 @@ pub(super) fn care(a: &Matrix, g: &Matrix, q: &Matrix) -> Result<Matrix> {
 }
 
 /// Returns the stabilizing solution `X` of the discrete equation `X = Q + AᵀX (I + GX)⁻¹ A`, by
-/// structure-preserving doubling (Chu, Fan, Lin, Wang 2004).
+/// structure-preserving doubling (Chu, Fan, Lin, Wang 2004). `h` is `Q` at the start. Returns
+/// `None` without convergence.
 fn doubling(mut a: Matrix, mut g: Matrix, mut h: Matrix) -> Option<Matrix> {
     for _ in 0..MAX_DOUBLINGS {
         // Each pass doubles the horizon with W = I + G H, H ← H + Aᵀ H W⁻¹ A, G ← G + A W⁻¹ G Aᵀ, A
@@ -87,9 +88,9 @@ fn through_cayley(a: &Matrix, g: &Matrix, q: &Matrix, shift: f64) -> Option<Matr
     )
 }
 
-/// Returns the geometric mean of the magnitudes of the closed loop's poles, `|det H|^(1/2n)`. The
-/// spectrum of the Hamiltonian matrix H is that of the closed loop and its mirror image. This shift
-/// gives the best-conditioned problem.
+/// Returns the geometric mean of the magnitudes in 1/s of the closed loop's poles, `|det
+/// H|^(1/2n)`. The spectrum of the Hamiltonian matrix H is that of the closed loop and its mirror
+/// image. This shift gives the best-conditioned problem.
 fn mean_pole(a: &Matrix, g: &Matrix, q: &Matrix) -> f64 {
     let hamiltonian = with_states(a, &-g, &-q, &-a.transpose());
     let pivots = hamiltonian.lu().u().diagonal();

@@ -11,7 +11,7 @@ use super::{Command, Controller, Reference};
 use crate::control::lqr;
 use crate::options::{AltitudeHoldOptions, SimOptions};
 use crate::vehicle::{State, attitude, position, velocity};
-use noctograph_core::crazyflie::GRAVITY_M_S2;
+use noctograph_core::crazyflie::{GRAVITY_M_S2, N_MOTORS};
 use noctograph_core::error::Result;
 
 /// Minimum acceleration per unit throttle in m/s², because a gain of 0 or less destabilizes the
@@ -67,18 +67,20 @@ pub(super) struct AltitudeHold {
 
 impl AltitudeHold {
     /// Creates the controller of the options, with the vehicle's thrust map until one is given.
+    /// Returns an error if the weights give no gain.
     pub(super) fn new(options: &SimOptions) -> Result<Self> {
         let gain_m_s2 = GRAVITY_M_S2 / options.vehicle.hover_throttle();
         Ok(Self {
             regulator: Lqr::new(options)?,
             gains: altitude_gains(&options.controller.altitude)?,
             map: ThrustMap { offset_m_s2: -GRAVITY_M_S2, gain_m_s2 },
-            full_thrust_n: 4.0 * options.vehicle.full_thrust_n(),
+            full_thrust_n: N_MOTORS * options.vehicle.full_thrust_n(),
         })
     }
 }
 
-/// Returns the estimate with its horizontal error limited to [`REACH_M`].
+/// Returns the estimate with its horizontal distance from the reference limited to [`REACH_M`], so
+/// that the regulator never commands a larger tilt than it was designed for.
 fn within_reach(estimate: &State, reference_m: &Vector3<f64>) -> State {
     let error_m = (position(estimate) - reference_m).xy();
     let mut bounded = *estimate;
@@ -90,7 +92,8 @@ fn within_reach(estimate: &State, reference_m: &Vector3<f64>) -> State {
 }
 
 impl Controller for AltitudeHold {
-    /// Combines the throttle from the thrust map with the torques from the regulator.
+    /// Returns the motor commands for the throttle of the thrust map and the torques of the
+    /// regulator.
     fn command(&mut self, estimate: &State, reference: &Reference) -> Command {
         // The desired vertical acceleration follows from altitude and vertical velocity.
         let up = attitude(estimate).world_from_body().row(2).into_owned();

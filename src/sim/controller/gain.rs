@@ -9,6 +9,7 @@ use nalgebra::{DMatrix, DVector, Matrix4, SMatrix, Vector4};
 
 use crate::control::{dynamic, lqr, with_input_lag};
 use crate::options::{LqrOptions, MotorLag, SimOptions};
+use crate::vehicle::N_INPUTS;
 use noctograph_core::error::{Error, Result};
 
 /// Feedback `u = u_ref − K (x̂ − x_ref) − K_u (û − u_ref)` with the modeled rotors' output û.
@@ -21,15 +22,16 @@ pub(crate) struct Gain {
 }
 
 impl Gain {
-    /// Returns the gain for the model `ẋ = A x + B u` of [`with_integrals`], which is given or
-    /// computed from the weights. Returns an error if no gain stabilizes the model.
+    /// Returns the gain for the model `ẋ = A x + B u` of [`with_integrals`], which is either the
+    /// gain of `controller.lqr.k` or computed from the weights. Returns [`Error::Infeasible`] if no
+    /// gain stabilizes the model.
     pub(crate) fn new(options: &SimOptions, [a, b]: &[DMatrix<f64>; 2]) -> Result<Self> {
         let weights = &options.controller.lqr;
         let n = a.nrows();
         // A given gain is extended by zeros if it has no columns for the rotors.
         if let Some(k) = &weights.k {
-            let k = DMatrix::from_row_iterator(4, k[0].len(), k.iter().flatten().copied());
-            let k = k.resize_horizontally(n + 4, 0.0);
+            let k = DMatrix::from_row_iterator(N_INPUTS, k[0].len(), k.iter().flatten().copied());
+            let k = k.resize_horizontally(n + N_INPUTS, 0.0);
             let k_rotor = k.fixed_view::<4, 4>(0, n).into_owned();
             return Ok(Self { k: k.columns(0, n).into_owned(), k_rotor });
         }
@@ -55,8 +57,8 @@ impl Gain {
     }
 }
 
-/// Returns the matrices `A` and `B` of the model at hover, with the integrals of its position as
-/// states 12 to 14 if the controller has integral action.
+/// Returns the matrices `A` and `B` of the model at hover. If the controller has integral action,
+/// the integrals of the position are the states 12 to 14.
 pub(crate) fn with_integrals(
     options: &SimOptions,
     a: &SMatrix<f64, 12, 12>,

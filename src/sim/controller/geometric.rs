@@ -36,6 +36,8 @@ pub(super) struct Geometric {
 }
 
 impl Geometric {
+    /// Creates a controller whose integrals are zero. The gains are per mass and per moment of
+    /// inertia, so the drone's own are kept to convert them to thrust and torque.
     pub(super) fn new(options: &SimOptions) -> Self {
         Self {
             gains: options.controller.geometric.clone(),
@@ -71,7 +73,8 @@ impl Geometric {
 }
 
 impl Controller for Geometric {
-    /// Applies the control law of Lee, Leok and `McClamroch` 2010.
+    /// Returns the motor commands by the control law of Lee, Leok and `McClamroch` 2010, and
+    /// advances the integrals of both errors.
     fn command(&mut self, estimate: &State, reference: &Reference) -> Command {
         // The thrust is the desired force along the present body axis.
         let world_from_body = attitude(estimate).world_from_body();
@@ -116,7 +119,7 @@ impl Controller for Geometric {
         estimate[3] = 0.0;
     }
 
-    /// Returns the integrals whose gain is not zero.
+    /// Returns the integrals whose gain is not zero, position before attitude.
     fn memory(&mut self) -> Vec<&mut f64> {
         let position =
             self.position_sum.iter_mut().filter(|_| self.gains.k_position_integral != 0.0);
@@ -126,8 +129,8 @@ impl Controller for Geometric {
     }
 }
 
-/// Returns the attitude whose z axis is along a force and whose x axis is in the vertical plane of
-/// world x. For a force along world x, the y axis is along world y.
+/// Returns the attitude (world from body) whose z axis is along a force and whose x axis is in the
+/// vertical plane of world x. For a force along world x, the y axis is along world y.
 fn wanted_attitude(force: &Vector3<f64>) -> Matrix3<f64> {
     let up = force.normalize();
     let left = up.cross(&Vector3::x()).try_normalize(0.0).unwrap_or(Vector3::y());

@@ -13,16 +13,12 @@ use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::{Reference, controller};
 use crate::options::SimOptions;
-use crate::vehicle::{Mixer, State};
+use crate::vehicle::{Mixer, N_INPUTS, N_STATES, State};
 use noctograph_core::error::Result;
 
 /// Step of the differences, which is 0.1 mm, 0.1 mm/s, 0.1 mrad, 0.1 mrad/s, and as much in the
 /// units of the memory. At this step, no loop saturates, and rounding is below 1e-9 of a gain.
 const STEP: f64 = 1e-4;
-
-/// Numbers of states of the drone and of inputs of the wrench.
-const N_STATES: usize = 12;
-const N_INPUTS: usize = 4;
 
 /// Linear system `u = K x + H m` and `dm/dt = F m + G x`, where u is the wrench's deviation from
 /// hover, `x` the state's deviation, and `m` the memory.
@@ -35,6 +31,8 @@ pub(crate) struct LinearController {
 }
 
 impl LinearController {
+    /// Linearizes the controller of the options at hover. Returns an error if the options give no
+    /// gain.
     pub(crate) fn new(options: &SimOptions) -> Result<Self> {
         // The position loop runs at the full rate, so that all calls are equivalent.
         let mut options = options.clone();
@@ -54,7 +52,7 @@ impl LinearController {
     }
 
     /// Returns the continuous system that Tustin's `s = 2 (z − 1) / (T (z + 1))` converts to this
-    /// one.
+    /// one. `tick_s` is T.
     fn continuous(self, tick_s: f64) -> Self {
         // With M = (1 + F)⁻¹: F_c = 2/T (F − 1) M, K_c = K − H M G, H_c = 4/T H M².
         let one = DMatrix::identity(self.f.nrows(), self.f.nrows());
@@ -68,8 +66,9 @@ impl LinearController {
     }
 }
 
-/// Returns the wrench and the next memory of a controller with `n` values of memory at hover, for a
-/// deviation of one state (`index` below [`N_STATES`]) or of one value of the memory.
+/// Returns the wrench (N m, N) and the next memory of a controller at hover, one below the other,
+/// after a deviation of one input. `index` counts the states, followed by the `n` values of the
+/// memory. The unit of `deviation` is that of the value that deviates.
 fn response(options: &SimOptions, n: usize, index: usize, deviation: f64) -> Result<DVector<f64>> {
     let mut deviations = vec![0.0; N_STATES + n];
     deviations[index] = deviation;

@@ -8,7 +8,7 @@ use super::gain::{Gain, modeled_lag_s, with_integrals};
 use super::{Command, Controller, Reference};
 use crate::control::linearize;
 use crate::options::SimOptions;
-use crate::vehicle::{Mixer, State, Wrench, at_rest, position};
+use crate::vehicle::{Mixer, N_STATES, State, Wrench, at_rest, position};
 use noctograph_core::error::Result;
 
 /// Bound per axis, in m s, of the integral of the position error. The reference flight's center of
@@ -43,6 +43,7 @@ pub(super) struct Lqr {
 
 impl Lqr {
     /// Creates the regulator that the options describe, from the hover model with a centered mass.
+    /// Returns an error if the weights give no gain.
     pub(super) fn new(options: &SimOptions) -> Result<Self> {
         // The model is linearized at hover and augmented by integrals. The gain is split by
         // columns.
@@ -51,10 +52,10 @@ impl Lqr {
         let (a, b) = linearize(|s, u| vehicle.derivative(s, u), &State::zeros(), &hover);
         let kind = options.controller.kind;
         let Gain { k, k_rotor } = Gain::new(options, &with_integrals(options, &a, &b))?;
-        let k_integral = kind.integrates().then(|| k.fixed_view::<4, 3>(0, 12).into_owned());
+        let k_integral = kind.integrates().then(|| k.fixed_view::<4, 3>(0, N_STATES).into_owned());
         let tick_s = 1.0 / f64::from(options.rates.attitude_hz());
         Ok(Self {
-            k: k.fixed_view::<4, 12>(0, 0).into_owned(),
+            k: k.fixed_view::<4, N_STATES>(0, 0).into_owned(),
             k_integral: k_integral.unwrap_or_default(),
             k_rotor,
             follows_reference: kind.follows_reference(),
@@ -68,7 +69,8 @@ impl Lqr {
         })
     }
 
-    /// Returns the desired wrench, and the position error in m.
+    /// Returns the desired wrench, not limited to the motors' range, and the position error in m
+    /// (estimate minus reference, world frame).
     fn wrench(&self, estimate: &State, reference: &Reference) -> (Wrench, Vector3<f64>) {
         let (state, trim) = if self.follows_reference {
             let (state, thrust_m_s2) = reference.trim();
@@ -81,8 +83,8 @@ impl Lqr {
         (wrench, position(&error))
     }
 
-    /// Adds a tick's error to the integral, within its bound. With saturated motors, the integral
-    /// can only decrease (anti-windup by conditional integration).
+    /// Adds a tick's error to the integral, within its bound. If the motors are saturated, the
+    /// integral can only decrease (anti-windup by conditional integration).
     fn integrate(&mut self, error_m: &Vector3<f64>, saturated: bool) {
         for (sum, axis_m) in self.sum.iter_mut().zip(error_m) {
             if !saturated || *sum * axis_m < 0.0 {
@@ -96,7 +98,8 @@ impl Lqr {
         self.rotors = wrench + (self.rotors - wrench) * self.remaining;
     }
 
-    /// Returns the command, with `thrust_n` as the collective thrust if it is given.
+    /// Returns the command, with `thrust_n` as the collective thrust if it is given. Advances the
+    /// modeled rotors and the integral by a tick.
     pub(super) fn command_with_thrust(
         &mut self,
         estimate: &State,

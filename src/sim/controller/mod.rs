@@ -24,7 +24,7 @@ use self::lqr::Lqr;
 use self::pid::PidCascade;
 pub(super) use self::reference::Reference;
 use super::options::{ControllerKind, SimOptions};
-use crate::vehicle::{State, attitude, velocity};
+use crate::vehicle::{State, VELOCITY, attitude, velocity};
 use noctograph_core::error::Result;
 
 pub(super) trait Controller: std::fmt::Debug + Send {
@@ -45,7 +45,7 @@ pub(super) trait Controller: std::fmt::Debug + Send {
         *reference = Reference::holding(held_m);
         let world_from_body = attitude(estimate).world_from_body();
         let rising_m_s = Vector3::z() * (world_from_body * velocity(estimate)).z;
-        estimate.fixed_rows_mut::<3>(6).copy_from(&world_from_body.tr_mul(&rising_m_s));
+        estimate.fixed_rows_mut::<3>(VELOCITY).copy_from(&world_from_body.tr_mul(&rising_m_s));
     }
 
     /// Returns mutable references to the values that the controller stores between two commands.

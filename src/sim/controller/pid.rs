@@ -47,6 +47,10 @@ const COMMAND_MAX: f64 = 32_767.0;
 /// motors lag. A drone with instantaneous motors needs the filter, because the derivative (1.6
 /// times the change of the rate, every 2 ms) would flip it over.
 const RATE_CUTOFF_HZ: f64 = 30.0;
+/// Largest cutoff frequency relative to the sampling rate. The filter's formula has a pole at 0.5.
+const MAX_CUTOFF: f64 = 0.45;
+/// Angle of a full turn in degrees.
+const FULL_TURN: f64 = 360.0;
 
 /// Second-order Butterworth low-pass filter, by the bilinear transform.
 #[derive(Clone, Debug)]
@@ -60,16 +64,17 @@ struct LowPass {
 }
 
 impl LowPass {
-    /// Creates a filter whose previous inputs and outputs are zero.
+    /// Creates a filter whose previous inputs and outputs are zero. The cutoff is limited to
+    /// [`MAX_CUTOFF`] of the sampling rate.
     fn new(cutoff_hz: f64, rate_hz: u32) -> Self {
-        // The frequency is limited, because the tangent has a pole at half the sampling rate.
-        let w = libm::tan(PI * (cutoff_hz / f64::from(rate_hz)).min(0.45));
+        let w = libm::tan(PI * (cutoff_hz / f64::from(rate_hz)).min(MAX_CUTOFF));
         let scale = 1.0 + SQRT_2 * w + w * w;
         let a = [2.0 * (w * w - 1.0) / scale, (1.0 - SQRT_2 * w + w * w) / scale];
         Self { b: w * w / scale, a, inputs: [0.0; 2], outputs: [0.0; 2] }
     }
 
-    /// Filters an input, and returns the output.
+    /// Returns the filtered value of an input, in the input's unit. Each call is one sampling
+    /// period.
     fn update(&mut self, input: f64) -> f64 {
         let ([x1, x2], [y1, y2]) = (self.inputs, self.outputs);
         let output = self.b * (input + 2.0 * x1 + x2) - self.a[0] * y1 - self.a[1] * y2;
@@ -91,13 +96,17 @@ struct Pid {
 }
 
 impl Pid {
+    /// Creates a loop at rest with the gains P, I and D. The output, in the unit of the desired
+    /// value of the next inner loop, is bounded by `output_max`, and the integral of the error
+    /// (unit · s) by `integral_max`.
     fn new(gains: [f64; 3], integral_max: f64, output_max: f64, rate_hz: u32) -> Self {
         let dt_s = 1.0 / f64::from(rate_hz);
         let (filter, integral, measured) = (None, 0.0, 0.0);
         Self { gains, integral_max, output_max, dt_s, filter, integral, measured }
     }
 
-    /// Returns the output for an error and for the measurement from which the error was computed.
+    /// Returns the output for an error and for the measurement from which the error was computed,
+    /// both in the loop's unit. Each call is one period of the loop.
     fn update(&mut self, error: f64, measured: f64) -> f64 {
         // The derivative is that of the measurement, so a step of the setpoint causes no kick.
         let [kp, ki, kd] = self.gains;
@@ -110,7 +119,8 @@ impl Pid {
         output.clamp(-self.output_max, self.output_max)
     }
 
-    /// Returns the integral, the last measurement and the filter, if the gains use them.
+    /// Returns the integral, the last measurement and the filter, if the gains use them. These are
+    /// the values by which a call affects the next ones.
     fn memory(&mut self) -> impl Iterator<Item = &mut f64> {
         let [_, ki, kd] = self.gains;
         let integral = (ki != 0.0).then_some(&mut self.integral);
@@ -151,6 +161,7 @@ pub(super) struct PidCascade {
 }
 
 impl PidCascade {
+    /// Creates the cascade with the firmware's bounds, and with all loops at rest.
     pub(super) fn new(options: &SimOptions) -> Self {
         let (slow_hz, fast_hz) = (options.rates.position_hz(), options.rates.attitude_hz());
         let vehicle = &options.vehicle;
@@ -180,7 +191,8 @@ impl PidCascade {
         }
     }
 
-    /// Resets integrals and derivatives (`controllerPidReinitialize`).
+    /// Resets integrals and derivatives, as `controllerPidReinitialize` does, and holds the
+    /// estimated roll and pitch until the position loops run again.
     fn reset(&mut self, estimate: &State) {
         let (position_m, angles) = (position(estimate), angles(estimate));
         for i in 0..3 {
@@ -193,6 +205,7 @@ impl PidCascade {
     }
 
     /// Runs the position and velocity loops, which set the desired roll, pitch and thrust.
+    /// `setpoint_m` is in the world frame.
     fn run_position_loops(&mut self, estimate: &State, setpoint_m: Vector3<f64>) {
         // Setpoint, position and velocity are rotated to axes along the nose, to the left, and up.
         let attitude = attitude(estimate);
@@ -211,8 +224,8 @@ impl PidCascade {
         self.thrust = (up * THRUST_SCALE + self.thrust_base).clamp(THRUST_MIN, FULL);
     }
 
-    /// Runs the attitude and rate loops with a desired yaw of 0. Returns roll, pitch and yaw
-    /// commands.
+    /// Runs the attitude and rate loops with a desired yaw of 0. Returns the commands of roll,
+    /// pitch and yaw in 1/65535 of a motor's range.
     fn run_attitude_loops(&mut self, estimate: &State) -> [f64; 3] {
         let angles = angles(estimate);
         let rates = rate(estimate).map(f64::to_degrees);
@@ -220,7 +233,7 @@ impl PidCascade {
         std::array::from_fn(|i| {
             // The shorter rotation is used, which matters only for the yaw.
             let error = wanted[i] - angles[i];
-            let error = error - 360.0 * (error / 360.0).round();
+            let error = error - FULL_TURN * (error / FULL_TURN).round();
             let wanted_rate = self.attitude[i].update(error, angles[i]);
             self.rate[i].update(wanted_rate - rates[i], rates[i])
         })
@@ -246,7 +259,8 @@ impl Controller for PidCascade {
         self.ticks = 0;
     }
 
-    /// Resets all loops if the firmware does so.
+    /// Resets all loops if the firmware does so. Firmware without [`Feature::RESET`] keeps its
+    /// integrals.
     fn change_mode(&mut self, estimate: &State) {
         if self.resets {
             self.reset(estimate);
@@ -259,7 +273,8 @@ impl Controller for PidCascade {
     }
 }
 
-/// Creates three loops with their gains and the bounds of their integrals and outputs.
+/// Creates the loops of three axes (x y z, or roll pitch yaw) that run at `rate_hz`, from the gains
+/// P, I, D of each axis and from the bounds of their integrals and outputs.
 fn loops(
     gains: [[f64; 3]; 3],
     integral_max: [f64; 3],

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use crate::vehicle::State;
+use crate::vehicle::{State, VELOCITY};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::geometry::{Attitude, turned};
 use noctograph_core::plan::Setpoint;
@@ -22,7 +22,9 @@ pub(crate) struct Reference {
 }
 
 impl Reference {
-    /// Returns the reference at a time after a setpoint, for which the position `sent_m` is sent.
+    /// Returns the reference at `time_s` on the motion that begins at a setpoint with constant
+    /// acceleration. `sent_m` is the position sent for the setpoint, which shifts the motion. The
+    /// jerk is zero.
     pub(crate) fn from_setpoint(setpoint: &Setpoint, sent_m: Vector3<f64>, time_s: f64) -> Self {
         let since_s = time_s - setpoint.time_s;
         Self {
@@ -40,7 +42,7 @@ impl Reference {
         Self::from_setpoint(&setpoint, position_m, 0.0)
     }
 
-    /// Rotates all vectors about the vertical axis.
+    /// Rotates all vectors about the vertical axis, counter-clockwise seen from above.
     pub(crate) fn turned(self, angle_rad: f64) -> Self {
         let Self { held_m, position_m, velocity_m_s, acceleration_m_s2, jerk_m_s3 } = self;
         let [held_m, position_m, velocity_m_s, acceleration_m_s2, jerk_m_s3] =
@@ -64,7 +66,7 @@ impl Reference {
         state.fixed_rows_mut::<3>(0).copy_from(&self.position_m);
         (state[4], state[5]) = (pitch_rad, roll_rad);
         let velocity_body_m_s = world_from_body.transpose() * self.velocity_m_s;
-        state.fixed_rows_mut::<3>(6).copy_from(&velocity_body_m_s);
+        state.fixed_rows_mut::<3>(VELOCITY).copy_from(&velocity_body_m_s);
         (state, thrust_m_s2)
     }
 }

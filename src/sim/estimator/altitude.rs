@@ -23,7 +23,8 @@ pub(super) struct Altitude {
 }
 
 impl Estimator for Altitude {
-    /// Updates both filters.
+    /// Advances both filters by a tick. Horizontal motion and attitude follow from the Kalman
+    /// filter, and the vertical motion from the altitude filter.
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         // The Kalman filter is updated first, because its tilt corrects throttle and ranges.
         self.horizontal.update(&Readings { heights: &[], ..*readings }, tick_s);

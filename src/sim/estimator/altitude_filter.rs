@@ -97,7 +97,8 @@ pub struct AltitudeFilter {
 }
 
 impl AltitudeFilter {
-    /// Creates the filter for a drone at rest at a known altitude.
+    /// Creates the filter for a drone at rest at a known altitude. `hover` is the throttle, 0 to 1,
+    /// at which the drone hovers.
     ///
     /// α⁰ starts at −g, and α¹ at the value for which the drone hovers at the throttle `hover`.
     pub fn new(options: &AltitudeOptions, hover: f64, altitude_m: f64) -> Self {
@@ -118,7 +119,8 @@ impl AltitudeFilter {
         Self { options: options.clone(), normal, readings: Vec::new(), test, steps: 0 }
     }
 
-    /// Propagates the estimate over a span in which the throttle, 0 to 1, was constant.
+    /// Propagates the estimate over a span in which the throttle, 0 to 1, was constant. Forgets the
+    /// readings of the previous span.
     pub fn predict(&mut self, throttle: f64, span_s: f64) {
         // The entries (row, column, value) of Φ − 1 follow from z̈ = α⁰ + α¹ τ + gust, constant
         // over the span. The gust decays toward zero.
@@ -159,7 +161,8 @@ impl AltitudeFilter {
         self.readings.clear();
     }
 
-    /// Propagates the estimate over a span on the floor with the motors off.
+    /// Propagates the estimate over a span on the floor with the motors off. Forgets the readings
+    /// of the previous span.
     pub fn rest(&mut self, span_s: f64) {
         // Velocity and gust are reset, together with their correlations. Altitude and thrust map
         // are kept.
@@ -182,9 +185,10 @@ impl AltitudeFilter {
         self.readings.clear();
     }
 
-    /// Corrects the estimate with a reading. A range beyond the gate is rejected. After two
-    /// rejected ranges in a row, the ranger's bias changes by the mean of their innovations, and
-    /// its variance increases.
+    /// Corrects the estimate with a reading of an altitude, or of a distance to the floor that has
+    /// been corrected for the tilt. A range beyond the gate is rejected. After two rejected ranges
+    /// in a row, the ranger's bias changes by the mean of their innovations, and its variance
+    /// increases. The reading is listed with its innovation until the next span.
     pub fn update(&mut self, sensor: AltitudeSensor, measured_m: f64) {
         let [altitude, ranger, barometer] =
             [AltitudeState::Altitude, AltitudeState::Ranger, AltitudeState::Barometer]
@@ -208,7 +212,7 @@ impl AltitudeFilter {
         self.readings.push(HeightReading { sensor, measured_m, innovation, taken });
     }
 
-    /// Returns the estimate of a state.
+    /// Returns the estimate of a state, in the unit that [`AltitudeState`] names.
     pub fn estimate(&self, state: AltitudeState) -> f64 {
         self.normal.mean[state as usize]
     }
@@ -218,7 +222,8 @@ impl AltitudeFilter {
         self.normal.sigma(state as usize)
     }
 
-    /// Returns the estimated thrust map. Its offset includes the estimated gust.
+    /// Returns the estimated map from throttle, 0 to 1, to vertical acceleration in m/s². Its
+    /// offset includes the estimated gust.
     pub fn thrust_map(&self) -> ThrustMap {
         let [offset_m_s2, gain_m_s2] =
             [AltitudeState::Offset, AltitudeState::Gain].map(|s| self.estimate(s));

@@ -17,7 +17,8 @@ use noctograph_core::random::Noise;
 
 const TICK_S: f64 = 0.002;
 
-/// Returns `a sin³ wt` and its first two derivatives.
+/// Returns `a sin³ wt` and its first two time derivatives. The harness computes the same
+/// function.
 fn bow(a: f64, w: f64, t: f64) -> [f64; 3] {
     let ((s, c), (s3, c3)) = (libm::sincos(w * t), libm::sincos(3.0 * w * t));
     [

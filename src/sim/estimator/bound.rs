@@ -61,7 +61,8 @@ pub fn bounds(plans: &[&Plan], options: &SimOptions) -> Result<Vec<Bound>> {
     Ok(separate.collect::<Result<Vec<_>>>()?.concat())
 }
 
-/// Returns the bounds of drones that cooperate. The index of the first drone is `first`.
+/// Returns the bounds of drones that cooperate. The index of the first drone is `first`. `plans`
+/// that are shorter than the longest one end earlier.
 fn joint_bounds(plans: &[&Plan], first: u64, options: &SimOptions) -> Result<Vec<Bound>> {
     let (sensors, uwb) = (&options.sensors, &options.sensors.uwb);
     let indices: Vec<u64> = (first..).take(plans.len()).collect();
@@ -101,7 +102,7 @@ fn joint_bounds(plans: &[&Plan], first: u64, options: &SimOptions) -> Result<Vec
 }
 
 impl Bound {
-    /// Adds a time with its standard deviation and lit letter.
+    /// Adds a time with the bound's standard deviation and the letter that is lit at it.
     fn push(&mut self, time_s: f64, sigma_m: f64, letter: Option<usize>) {
         self.time_s.push(time_s);
         self.sigma_m.push(sigma_m);
@@ -118,6 +119,8 @@ struct Fleet<'a> {
 }
 
 impl<'a> Fleet<'a> {
+    /// Creates drones that begin with the uncertainty of the selected estimator. Their positions
+    /// are set by the first [`Self::carry`].
     fn new(n_drones: usize, options: &'a SimOptions) -> Self {
         let start = match options.observer.kind {
             EstimatorKind::Cooperative => start_sigmas(&options.observer.cooperative),
@@ -141,7 +144,8 @@ impl<'a> Fleet<'a> {
         covariance_m2.trace().max(0.0).sqrt()
     }
 
-    /// Moves all drones along their plans, and propagates their covariance with the inertial noise.
+    /// Moves all drones along their plans to `time_s`, and propagates their covariance over
+    /// `step_s` with the inertial noise.
     fn carry(&mut self, plans: &[&Plan], time_s: f64, step_s: f64) {
         let imu = &self.sensors.imu;
         let density = Density {
@@ -177,7 +181,8 @@ impl<'a> Fleet<'a> {
         }
     }
 
-    /// Corrects the covariance for the height of every drone.
+    /// Corrects the covariance for the height of every drone. The variance is that of the sensor at
+    /// the planned height.
     fn correct_by_heights(&mut self, sensor: HeightSensor) {
         for drone in 0..self.positions_m.len() {
             let sigma_m = self.sensors.height_sigma_m(sensor, self.positions_m[drone].z);
@@ -196,7 +201,8 @@ fn square(x: f64) -> f64 {
     x * x
 }
 
-/// Returns the RMS of bounds over the lit strokes of all letters or of one, if any are lit.
+/// Returns the RMS in m of the bounds' standard deviations over the lit strokes of all letters, or
+/// of one letter by its index. Returns `None` if none are lit.
 pub fn writing_sigma_m(bounds: &[Bound], letter: Option<usize>) -> Option<f64> {
     let (mut sum, mut n) = (0.0, 0_u32);
     for (sigma_m, written) in bounds.iter().flat_map(|b| b.sigma_m.iter().zip(&b.letter)) {
@@ -207,8 +213,9 @@ pub fn writing_sigma_m(bounds: &[Bound], letter: Option<usize>) -> Option<f64> {
     (n > 0).then(|| (sum / f64::from(n)).sqrt())
 }
 
-/// Returns the position of an additional anchor with which all drones have the lowest bound over
-/// the strokes, and that bound. The candidates form a grid in the box around anchors and word.
+/// Returns the position in m of an additional anchor with which all drones have the lowest bound
+/// over the strokes, and that bound in m. The candidates form a grid in the box around anchors and
+/// word. The position is at least 0.1 m above the floor.
 ///
 /// # Errors
 ///

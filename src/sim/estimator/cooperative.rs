@@ -178,13 +178,16 @@ impl Cooperative {
         self.joint.normal.carry(k + 1, &span, &self.joint.model.density);
     }
 
-    /// Corrects the estimate with a scalar measurement on a link, unless the gate rejects it.
+    /// Corrects the estimate with a scalar measurement on a link (the drone that measures, and the
+    /// target), unless the link's gate rejects it. `value` is the measurement minus its expected
+    /// value in m, and `variance` is in m².
     fn correct(&mut self, link: (usize, Target), jacobian: &[Part], value: f64, variance: f64) {
         let measurement = Measurement { jacobian, value, variance };
         self.gate.correct(&mut self.joint.normal, link, &measurement);
     }
 
     /// Returns the state of peer `k` at a time up to its last message, or `None` if it is unknown.
+    /// Returns `None` also for a time in a gap between messages.
     fn delayed_state_of_peer(&self, k: usize, time_s: f64) -> Option<DelayedState> {
         let peer = &self.peers[k];
         let now = peer.motions.back()?;
@@ -192,7 +195,8 @@ impl Cooperative {
         Some(delayed(peer.position_m, peer.velocity_m_s, peer.tilt_rad, now, &then))
     }
 
-    /// Corrects the estimate with the heights of peer `k` and its ranges to anchors.
+    /// Corrects the estimate with the heights of peer `k` and its ranges to anchors. Measurements
+    /// at times for which the peer's state is unknown are dropped.
     fn correct_peer(&mut self, k: usize, message: &Message) {
         for shared in message.ranges.iter().chain(&message.heights) {
             let Some(then) = self.delayed_state_of_peer(k, shared.time_s) else { continue };

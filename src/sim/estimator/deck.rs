@@ -63,7 +63,8 @@ impl Deck {
         }
     }
 
-    /// Pairs the sweeps that arrived at `time_s` into rotations, and returns those that are kept.
+    /// Pairs the sweeps that arrived at `time_s` into rotations, and returns those that are kept. A
+    /// rotation contains one plane if the options do not pair sweeps.
     pub(super) fn receive(&mut self, sweeps: &[Sweep], time_s: f64) -> Vec<Rotation> {
         let mut rotations = Vec::new();
         for sweep in sweeps {
@@ -83,6 +84,7 @@ impl Deck {
 
     /// Returns both planes' angles at the second sweep of a rotation, or `None` at the first one or
     /// if the first was missed. If a reflection causes two first sweeps, the smaller angle is used.
+    /// The angles in rad are those of the deck's four sensors.
     fn pair(&mut self, sweep: &Sweep, time_s: f64) -> Option<[[f64; 4]; 2]> {
         let first = &mut self.first[sweep.station];
         let recent = first.filter(|(then_s, _)| time_s - then_s < LONGEST_PAIR_S);

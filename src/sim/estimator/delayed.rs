@@ -25,8 +25,9 @@ pub(super) struct DelayedState {
 }
 
 impl DelayedState {
-    /// Returns the Jacobian of a measurement along a direction at this position. This drone's tilt
-    /// is in its body frame (`world_from_body`), and those of other drones are in the world frame.
+    /// Returns the Jacobian, with respect to the present errors of drone `drone`, of a measurement
+    /// along a direction at this position. This drone's tilt is in its body frame
+    /// (`world_from_body`), and those of other drones are in the world frame.
     pub(super) fn jacobian(
         &self,
         drone: usize,
@@ -65,7 +66,7 @@ pub(super) fn delayed(
 
 /// Returns the motion between two messages, by cubic Hermite interpolation. Returns `None` up to
 /// the first message, after the last one, and in a gap longer than [`LONGEST_GAP_S`] unless a
-/// message is within [`NEAR_S`].
+/// message is within [`NEAR_S`]. The result contains position and velocity at `time_s`.
 pub(super) fn interpolated(motions: &VecDeque<Reckoning>, time_s: f64) -> Option<Reckoning> {
     let after = motions.partition_point(|motion| motion.time_s < time_s);
     let (a, b) = (motions.get(after.checked_sub(1)?)?, motions.get(after)?);

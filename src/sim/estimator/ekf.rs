@@ -85,7 +85,8 @@ pub(super) struct Model {
 }
 
 impl Ekf {
-    /// Creates a filter for a drone that starts level and at rest.
+    /// Creates a filter for a drone that starts level and at rest. `yaw_rad` is the heading from
+    /// world x toward y.
     pub(super) fn new(
         options: &EkfOptions,
         sensors: &SensorOptions,
@@ -116,8 +117,8 @@ impl Ekf {
         Self { normal, ..Self::new(&options, sensors, position_m, yaw_rad) }
     }
 
-    /// Advances the state by a tick, and calls `correct` with each measurement. Returns the
-    /// acceleration in the world frame.
+    /// Advances the state by a tick, and calls `correct` with the source of each measurement and
+    /// the measurement. Returns the acceleration in the world frame in m/s².
     #[inline(always)]
     pub(super) fn advance(
         &mut self,
@@ -145,7 +146,8 @@ impl Ekf {
         acceleration
     }
 
-    /// Propagates the covariance from the last propagation to the present.
+    /// Propagates the covariance from the last propagation to the present. `force_m_s2` is the
+    /// present specific force in the body frame.
     pub(super) fn carry(&mut self, force_m_s2: &Vector3<f64>) {
         let span = self.motion.span(force_m_s2);
         self.normal.carry(0, &span, &self.model.density);
@@ -189,6 +191,8 @@ impl Estimator for Ekf {
 }
 
 impl Model {
+    /// Creates the model of the sensors that the filter assumes. Standard deviations of the options
+    /// become variances.
     pub(super) fn new(options: &EkfOptions, sensors: &SensorOptions) -> Self {
         let level = options.acceleration_noise_m_s2_sqrt_hz;
         let upright = options.acceleration_noise_z_m_s2_sqrt_hz;
@@ -218,7 +222,9 @@ impl Model {
     }
 
     /// Returns the Jacobian of the angle at which a sweep hits a sensor of the deck, with respect
-    /// to position and rotation, the error, and the distance of the sensor from the rotor's axis.
+    /// to position and rotation, the error (measured minus expected) in rad, and the distance in m
+    /// of the sensor from the rotor's axis. `lever` is the sensor's position in the body frame in
+    /// m.
     #[inline(always)]
     pub(super) fn angle(
         &self,
@@ -236,7 +242,8 @@ impl Model {
         (jacobian, angle_rad - crossing.angle_rad, crossing.radius_m)
     }
 
-    /// Returns the Jacobian, error and variance of a range or difference of ranges at a position.
+    /// Returns the Jacobian with respect to the position, the error (measured minus expected) in m,
+    /// and the variance in m² of a range or difference of ranges, for a drone at `position_m`.
     pub(super) fn range(&self, range: &Range, position_m: &Vector3<f64>) -> (Part, f64, f64) {
         let from_anchor = |anchor: usize| toward(&(position_m - self.anchors_m[anchor]));
         let (mut direction, mut expected_m) = from_anchor(range.anchor);
@@ -249,8 +256,9 @@ impl Model {
         (Part::Three(0, direction), range.distance_m - expected_m, variance)
     }
 
-    /// Calls `each` with source, Jacobian, error and variance of every measurement of a tick, for
-    /// the first drone of a filter.
+    /// Calls `each` with source, Jacobian, error (measured minus expected) and variance of every
+    /// measurement of a tick, for the first drone of a filter. Angles are in rad, and the rest is
+    /// in m.
     #[inline(always)]
     fn measurements(
         &self,
@@ -280,7 +288,8 @@ impl Model {
         self.height_measurements(motion, readings, each);
     }
 
-    /// Calls `each` with every height of a tick, as [`Self::measurements`] does.
+    /// Calls `each` with every height of a tick, as [`Self::measurements`] does. Ranges at a tilt
+    /// beyond [`LEAST_COS_TILT`] are left out.
     #[inline(always)]
     fn height_measurements(
         &self,

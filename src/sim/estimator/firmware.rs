@@ -149,7 +149,7 @@ impl Firmware {
         self.predicted_s = self.time_s;
     }
 
-    /// Adds the process noise of a tick to the covariance.
+    /// Adds the process noise of a tick to the variances of velocity and rotation.
     fn add_noise(&mut self, tick_s: f64) {
         let density = &self.model.density;
         for axis in 0..3 {
@@ -218,7 +218,8 @@ impl Firmware {
         self.correct(&[Part::One(TURN + 2, 1.0)], error_rad, YAW_SIGMA_RAD * YAW_SIGMA_RAD);
     }
 
-    /// Corrects the state with a range, or with a possible range difference that is not an outlier.
+    /// Corrects the state with a range. A range difference is ignored if it is impossible or an
+    /// outlier.
     fn correct_by_range(&mut self, range: &Range) {
         let (jacobian, error_m, variance) = self.model.range(range, &self.position_m);
         if let Some(other) = range.minus {
@@ -258,7 +259,8 @@ impl Firmware {
         }
     }
 
-    /// Corrects the state with a scalar measurement whose error is `value`.
+    /// Corrects the state with a scalar measurement. `value` is the measured minus the expected
+    /// value, in m or rad, and `variance` is its variance in the square of that unit.
     fn correct(&mut self, jacobian: &[Part], value: f64, variance: f64) {
         self.normal.correct(&Measurement { jacobian, value, variance }, |_| true);
         let [position_m, velocity_m_s, turn_rad] = self.normal.take_errors(0);
@@ -280,7 +282,7 @@ impl Firmware {
     }
 
     /// Computes `P ← Φ P Φᵀ`, and makes P symmetric. Without a drift, Φ rotates only attitude
-    /// errors.
+    /// errors. `turn` is the rotation of the body's axes, which Φ applies to the attitude errors.
     fn transform(&mut self, drift: Option<&Drift>, turn: &Matrix3<f64>) {
         let columns = self.normal.covariance.as_mut_slice().as_chunks_mut().0;
         let p: &mut [[f64; 9]; 9] = columns.first_chunk_mut().expect("nine states");
@@ -291,7 +293,7 @@ impl Firmware {
         });
     }
 
-    /// Keeps every variance within its bounds.
+    /// Limits every variance to the range from the option `least_variance` to [`LARGEST_VARIANCE`].
     fn bound(&mut self) {
         for state in 0..TURN + 3 {
             let variance = &mut self.normal.covariance[(state, state)];
@@ -357,6 +359,7 @@ struct Drift {
 }
 
 /// Returns the columns of `Φ P` from the rows of P, without products with the zeros and ones of Φ.
+/// A `drift` of `None` means that position and velocity are constant.
 #[inline(always)]
 fn multiplied(p: &[[f64; 9]; 9], drift: Option<&Drift>, turn: &Matrix3<f64>) -> [[f64; 9]; 9] {
     // Rows that Φ preserves start unchanged, and rows that it replaces start at zero.

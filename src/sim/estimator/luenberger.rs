@@ -7,16 +7,14 @@ use super::Estimator;
 use crate::control::{self, dynamic, linearize};
 use crate::options::LuenbergerOptions;
 use crate::sensors::Readings;
-use crate::vehicle::{Motion, State, motion_derivative, state};
+use crate::vehicle::{Motion, State, YAW, motion_derivative, state};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::geometry::{Attitude, turned};
 
-/// Row of the yaw in [`Motion`]. The yaw is not observable, so the observer runs without it.
-const YAW: usize = 3;
-
 /// Observer `x̂̇ = A x̂ + B u − L (C x̂ − y)` with `x̂ = [o_x o_y o_z θ φ v_x v_y v_z]`, `u = [w_x
-/// w_y w_z a_z − g]` and the last measured position `y`.
+/// w_y w_z a_z − g]` and the last measured position `y`. The yaw is not observable from positions,
+/// so the observer runs without it.
 #[derive(Clone, Debug)]
 pub(super) struct Observer {
     /// Matrix `A − L C`.
@@ -33,7 +31,8 @@ pub(super) struct Observer {
 }
 
 impl Observer {
-    /// Creates an observer for a drone that starts level and at rest.
+    /// Creates an observer for a drone that starts level and at rest. `heading_rad` is its heading
+    /// from world x toward y. Returns an error if the weights give no gain.
     pub(super) fn new(
         options: &LuenbergerOptions,
         position_m: Vector3<f64>,
@@ -58,7 +57,8 @@ impl Observer {
 }
 
 impl Estimator for Observer {
-    /// Integrates the observer over a tick, and the yaw from the gyroscope.
+    /// Integrates the observer over a tick, and the yaw from the gyroscope. The yaw drifts with the
+    /// gyroscope's bias, because positions do not observe it.
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let w = readings.rate_rad_s;
         if let Some(measured_m) = readings.position_m {
@@ -71,8 +71,8 @@ impl Estimator for Observer {
         self.rate_rad_s = w;
     }
 
+    /// Returns the estimate in the world frame. The body rate is the gyroscope's last reading.
     fn state(&self) -> State {
-        // The body rate is the gyroscope's last reading.
         let x = &self.estimate;
         let position_m = turned(&x.fixed_rows::<3>(0).into(), self.heading_rad);
         let yaw_rad = self.heading_rad + self.yaw_rad;
@@ -81,8 +81,9 @@ impl Estimator for Observer {
     }
 }
 
-/// Returns the gain `L` of the observer for the `A` of [`hover_model`], from the options' weights,
-/// which are inverse variances. Returns an error if they give no gain.
+/// Returns the gain `L` (8×3) of the observer for the `A` of [`hover_model`] without the yaw, from
+/// the options' weights, which are inverse variances. Returns [`Error::Infeasible`] if they give no
+/// gain.
 pub(crate) fn observer_gain(
     options: &LuenbergerOptions,
     a: &SMatrix<f64, 9, 9>,

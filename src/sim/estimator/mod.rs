@@ -67,7 +67,7 @@ pub(super) trait Estimator: std::fmt::Debug + Send {
     /// Updates the estimate with the readings at the end of a tick of `tick_s`.
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64);
 
-    /// Returns the estimated state.
+    /// Returns the estimated state, in the order and the units of [`State`].
     fn state(&self) -> State;
 
     /// Returns the covariance of the estimated position in the world frame, if there is one.
@@ -97,7 +97,8 @@ impl Estimator for RigidBody {
     }
 }
 
-/// Returns all twelve states of a motion, but with the given velocity in the world frame.
+/// Returns all twelve states of a motion, but with the given velocity in the world frame, which is
+/// converted to the body frame.
 fn state_at(motion: &Inertial, velocity_m_s: &Vector3<f64>) -> State {
     let world_from_body = motion.attitude.matrix();
     let velocity_m_s = world_from_body.tr_mul(velocity_m_s);
@@ -106,6 +107,7 @@ fn state_at(motion: &Inertial, velocity_m_s: &Vector3<f64>) -> State {
 
 /// Creates the estimator that the options select, for a drone that starts level and at rest with
 /// the given heading from world x toward y. The seed determines which sweeps are dropped at random.
+/// Returns an error if the options give no gain.
 pub(super) fn estimator(
     options: &SimOptions,
     position_m: Vector3<f64>,

@@ -36,12 +36,14 @@ impl Default for SweepFilter {
 }
 
 impl SweepFilter {
-    /// Advances the filter's clock.
+    /// Advances the filter's clock by a time in s.
     pub(super) fn wait(&mut self, time_s: f64) {
         self.closed_ms -= 1e3 * time_s;
     }
 
-    /// True if a sweep with this error is used. The call also updates the closing time.
+    /// Returns true if a sweep with this error is used. Each call also widens the window after a
+    /// good sweep or narrows it after a bad one, and the filter stays closed for the length of that
+    /// window.
     pub(super) fn accepts(&mut self, error_m: f64) -> bool {
         let is_good = error_m.abs() < BAD_M;
         let change_ms = if is_good { GOOD_MS } else { BAD_MS };

@@ -28,12 +28,14 @@ pub(super) struct TdoaFilter {
 }
 
 impl TdoaFilter {
-    /// Advances the filter's clock.
+    /// Advances the filter's clock by a time in s.
     pub(super) fn wait(&mut self, time_s: f64) {
         self.since_ms += 1e3 * time_s;
     }
 
-    /// True if a difference with this error is used. The call also fills or drains the integrator.
+    /// Returns true if a difference with this error is used. `sigma_m` is the standard deviation of
+    /// the measurement. Each call also fills the integrator by the time since the last call if the
+    /// error is good, and drains it if not.
     pub(super) fn accepts(&mut self, error_m: f64, sigma_m: f64) -> bool {
         let passed_ms = std::mem::take(&mut self.since_ms).min(LONGEST_MS);
         let is_good = error_m.abs() < GOOD_SIGMAS * sigma_m;

@@ -23,8 +23,8 @@ impl Turned {
         Self(unit(self.0 * small(turn_rad)))
     }
 
-    /// Does the same as [`Self::by`] in two equal steps, and returns the attitudes halfway through
-    /// and after the rotation.
+    /// Returns the attitudes halfway through and after a rotation (rotation vector in rad, body
+    /// axes), which is applied in two equal steps.
     #[inline(always)]
     pub fn halfway_and_by(&self, turn_rad: &Vector3<f64>) -> [Self; 2] {
         let half = small(&(turn_rad * 0.5));
@@ -32,7 +32,7 @@ impl Turned {
         [Self(midway), Self(unit(midway * half))]
     }
 
-    /// Returns the rotation matrix.
+    /// Returns the rotation matrix from the body frame to the world frame.
     #[inline(always)]
     pub fn matrix(&self) -> Matrix3<f64> {
         rotation([self.0.w, self.0.i, self.0.j, self.0.k])
@@ -55,7 +55,8 @@ pub(crate) fn rotation([w, x, y, z]: [f64; 4]) -> Matrix3<f64> {
     )
 }
 
-/// Returns the quaternion of a small rotation vector, by the first terms of the sine and cosine.
+/// Returns the quaternion of a small rotation vector in rad, by the first terms of the sine and
+/// cosine.
 #[inline(always)]
 fn small(turn_rad: &Vector3<f64>) -> Quaternion<f64> {
     // The terms are sin(θ/2)/θ = 1/2 − θ²/48 and cos(θ/2) = 1 − θ²/8 + θ⁴/384.
@@ -64,7 +65,7 @@ fn small(turn_rad: &Vector3<f64>) -> Quaternion<f64> {
     Quaternion::from_parts(1.0 - square / 8.0 + square * square / 384.0, vector)
 }
 
-/// Returns the quaternion scaled to length 1.
+/// Returns the quaternion scaled to length 1. The argument is not zero.
 #[inline(always)]
 fn unit(q: Quaternion<f64>) -> Quaternion<f64> {
     let square = q.norm_squared();

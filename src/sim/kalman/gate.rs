@@ -32,7 +32,8 @@ impl<K: Ord> Gate<K> {
     }
 
     /// Corrects the states with a measurement from a source. Returns the innovation, or `None` if
-    /// the measurement was rejected.
+    /// the measurement was rejected. After five rejections in a row, the source's next
+    /// measurement is used with a larger variance.
     pub fn correct(
         &mut self,
         normal: &mut Normal,
@@ -79,15 +80,16 @@ pub enum Floor {
 }
 
 impl StepTest {
-    /// Creates a test with a gate in standard deviations. Innovations below `least_m` are not a
-    /// step. A step adds `sigma_m` to the uncertainty of the floor's height.
+    /// Creates a test with a gate in standard deviations of the innovation. Innovations below
+    /// `least_m` are not a step. A step adds `sigma_m` to the uncertainty of the floor's height.
     pub fn new(gate_sigmas: f64, least_m: f64, sigma_m: f64) -> Self {
         Self { gate_sigmas, least_m, sigma_m, beyond_m: Vec::new() }
     }
 
-    /// Corrects the states with a range to the floor. The last part of the Jacobian is with respect
-    /// to the floor's state. If the floor has a step, its state and variance are changed instead. A
-    /// range beyond `gate_sq` is ignored.
+    /// Corrects the states with a range to the floor, and returns what the range says about the
+    /// floor. The last part of the Jacobian is with respect to the floor's state. If the floor has
+    /// a step, its state and variance are changed instead. A range whose squared normalized
+    /// innovation exceeds `gate_sq` is ignored.
     ///
     /// # Panics
     ///
@@ -115,7 +117,8 @@ impl StepTest {
     }
 
     /// Classifies a range. [`STEP_READINGS`] consecutive ranges beyond the gate are a step by the
-    /// mean of their innovations.
+    /// mean of their innovations. Ranges up to the gate, and innovations below the least step, are
+    /// no step.
     fn classify(&mut self, innovation: &Innovation) -> Floor {
         let is_within = innovation.sigmas() <= self.gate_sigmas;
         if is_within || innovation.value.abs() < self.least_m {

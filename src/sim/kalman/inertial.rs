@@ -86,7 +86,8 @@ impl Inertial {
     }
 
     /// Advances the state by a tick, with the mean of the body rates at its start and end, and the
-    /// specific force during the tick. Returns the acceleration in the world frame.
+    /// specific force (m/s², body frame) during the tick. Returns the acceleration in m/s² in the
+    /// world frame.
     pub fn predict(
         &mut self,
         rate_rad_s: &Vector3<f64>,
@@ -107,7 +108,8 @@ impl Inertial {
         acceleration
     }
 
-    /// True if the covariance must be propagated, for a measurement or 10 ms after the last time.
+    /// True if the covariance must be propagated, because a measurement follows (`measured`) or
+    /// 10 ms have passed since the last propagation.
     pub fn is_due(&self, measured: bool) -> bool {
         measured || self.span_s >= LONGEST_SPAN_S
     }
@@ -140,7 +142,8 @@ impl Normal {
         Self::independent(&sigmas)
     }
 
-    /// Returns the mean errors of a drone (position, velocity and rotation), and sets them to zero.
+    /// Returns the mean errors of a drone (position in m, velocity in m/s, rotation in rad), and
+    /// sets them to zero.
     pub fn take_errors(&mut self, drone: usize) -> [Vector3<f64>; 3] {
         let first = ERRORS * drone;
         let errors = [0, VELOCITY, TURN].map(|row| self.three(first + row));
@@ -201,7 +204,8 @@ impl Normal {
     }
 
     /// Propagates the covariances between a drone's errors and the other states, which are
-    /// constant, by multiplying their columns by Φ.
+    /// constant, by multiplying their columns by Φ. `first` is the row of the drone's first error,
+    /// and `b`, `c` and `t` are the blocks of Φ.
     #[inline(always)]
     fn carry_others(&mut self, first: usize, span_s: f64, [b, c, t]: &[Matrix3<f64>; 3]) {
         let (n, states) = (self.mean.len(), self.covariance.as_mut_slice());

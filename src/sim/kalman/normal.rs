@@ -16,6 +16,10 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
+/// Numbers of states of a filter for one drone and for two drones.
+const ONE_DRONE: usize = 9;
+const TWO_DRONES: usize = 18;
+
 /// Mean and covariance of states, or of small errors of states.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Normal {
@@ -139,15 +143,16 @@ impl Normal {
         }
     }
 
-    /// Returns the innovation of a measurement. The gain then contains `P h`.
+    /// Returns the innovation of a measurement and its variance. Stores `P h` in the gain, from
+    /// which [`Self::correct`] continues.
     #[inline(always)]
     pub fn innovation(&mut self, measurement: &Measurement<'_>) -> Innovation {
         let Measurement { jacobian, value, variance } = *measurement;
         // The same loop is compiled for the known lengths of one and of two drones.
         let p = self.covariance.as_slice();
         match self.gain.len() {
-            9 => multiply(p, jacobian, &mut self.gain, 9),
-            18 => multiply(p, jacobian, &mut self.gain, 18),
+            ONE_DRONE => multiply(p, jacobian, &mut self.gain, ONE_DRONE),
+            TWO_DRONES => multiply(p, jacobian, &mut self.gain, TWO_DRONES),
             n => multiply(p, jacobian, &mut self.gain, n),
         }
         Innovation {
@@ -178,15 +183,16 @@ impl Normal {
         // The loop is compiled for known lengths, as in `innovation`.
         let p = self.covariance.as_mut_slice();
         match self.gain.len() {
-            9 => subtract_square(p, &self.gain, 9),
-            18 => subtract_square(p, &self.gain, 18),
+            ONE_DRONE => subtract_square(p, &self.gain, ONE_DRONE),
+            TWO_DRONES => subtract_square(p, &self.gain, TWO_DRONES),
             n => subtract_square(p, &self.gain, n),
         }
         true
     }
 }
 
-/// Computes `a ← P h` for an `n` by `n` matrix P.
+/// Computes `a ← P h` for an `n` by `n` matrix P, which is symmetric, so that its columns are its
+/// rows.
 #[inline(always)]
 fn multiply(p: &[f64], jacobian: &[Part], a: &mut [f64], n: usize) {
     let a = &mut a[..n];
@@ -215,7 +221,7 @@ fn subtract_square(p: &mut [f64], k: &[f64], n: usize) {
     }
 }
 
-/// Returns the product `hᵀ x` of a Jacobian and states.
+/// Returns the product `hᵀ x` of a Jacobian and states, in the unit of the measurement.
 #[inline(always)]
 pub fn product(jacobian: &[Part], states: &[f64]) -> f64 {
     let products = jacobian.iter().map(|part| match *part {

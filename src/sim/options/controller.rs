@@ -1,5 +1,6 @@
 //! Settings of the controller.
 
+use crate::vehicle::N_STATES;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::settings::settings;
 
@@ -161,11 +162,12 @@ settings! {
 }
 
 impl ControllerOptions {
-    /// Checks that a given gain has a row for each input and a column for each state. Columns for
-    /// lagging rotors may follow.
+    /// Checks that a given gain `controller.lqr.k` has a row for each input and a column for each
+    /// state. Columns for lagging rotors may follow if the rotors lag (`rotors_lag`).
     pub(super) fn check_gain(&self, rotors_lag: bool) -> Result<()> {
         let (Some(k), kind) = (&self.lqr.k, self.kind) else { return Ok(()) };
-        let n_states = if kind.integrates() { 15 } else { 12 };
+        // Integral action adds the integrals of the three positions to the drone's states.
+        let n_states = if kind.integrates() { N_STATES + 3 } else { N_STATES };
         let lengths: Vec<usize> = k.iter().map(Vec::len).collect();
         if lengths == [n_states; 4] || rotors_lag && lengths == [n_states + 4; 4] {
             return Ok(());
@@ -179,7 +181,8 @@ impl ControllerOptions {
         Err(Error::input("controller.lqr.k", given, wanted, hint))
     }
 
-    /// Returns the kind of setpoint that the host sends during writing, and that checks use.
+    /// Returns the kind of setpoint that the host sends during writing, and with which checks are
+    /// made.
     pub fn sends(&self) -> SetpointKind {
         match self.kind {
             ControllerKind::Pid => self.setpoints,
@@ -190,7 +193,8 @@ impl ControllerOptions {
 }
 
 impl PidOptions {
-    /// Returns the gains P, I, D of the position, velocity, attitude and rate loops on each axis.
+    /// Returns the gains `[P, I, D]` of three axes for each of the position, velocity, attitude and
+    /// rate loops.
     pub fn gains(&self) -> [[[f64; 3]; 3]; 4] {
         [
             [self.pos_x, self.pos_y, self.pos_z],
@@ -220,7 +224,8 @@ pub enum Law {
 }
 
 impl ControllerKind {
-    /// Returns the control law of this kind.
+    /// Returns the control law of this kind. Laws differ in what the gain design and the exports
+    /// can do with them.
     pub fn law(self) -> Law {
         let (integrates, by_thrust_map) = (self == Self::LqrIntegral, self == Self::Altitude);
         match self {

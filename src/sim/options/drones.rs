@@ -11,7 +11,8 @@ const CF21: &str = include_str!("../../pipeline/scene/presets/cf21.toml");
 const CF_BRUSHLESS: &str = include_str!("../../pipeline/scene/presets/cf-brushless.toml");
 const BZZZ: &str = include_str!("../../pipeline/scene/presets/bzzz.toml");
 
-/// Returns the drone of a scene file whose keys override those of another drone.
+/// Returns the drone of a scene file whose keys override those of another drone. Both texts are
+/// presets of this program, so an error in one is a defect.
 fn preset(begin_toml: &str, scene_toml: &str) -> SimOptions {
     let [mut scene, keys] =
         [begin_toml, scene_toml].map(|toml| toml.parse::<toml::Table>().expect("TOML"));
@@ -30,7 +31,8 @@ fn merge(into: &mut toml::Table, from: toml::Table) {
     }
 }
 
-/// Returns a drone in still air, with the reference team's regulator, observer and sensors.
+/// Returns a preset's drone with the controller, estimator and positioning of the reference team.
+/// The presets have still air.
 fn with_regulator(begin_toml: &str, scene_toml: &str) -> SimOptions {
     let mut sim = preset(begin_toml, scene_toml);
     sim.controller.kind = ControllerKind::default();

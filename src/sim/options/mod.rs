@@ -131,8 +131,8 @@ impl SimOptions {
         PlantOptions { vehicle, battery, air, floor }
     }
 
-    /// Returns the maximum motor command of the firmware, or infinity with battery compensation,
-    /// which then limits the thrust.
+    /// Returns the firmware's maximum motor command (65535 is full power), or infinity with battery
+    /// compensation, which then limits the thrust.
     pub(crate) fn most_command(&self) -> f64 {
         if self.battery.is_compensated() { f64::INFINITY } else { self.vehicle.motor_max }
     }
@@ -185,7 +185,8 @@ impl RateOptions {
         self.position_hz.min(self.attitude_hz())
     }
 
-    /// Checks that slower loops run at whole ticks of faster loops.
+    /// Checks that slower loops run at whole ticks of faster loops. Returns [`Error::Input`] with
+    /// the key of the slower one.
     fn check_ratios(&self) -> Result<()> {
         for (slow, slow_hz, fast, fast_hz) in [
             ("attitude_hz", self.attitude_hz, "control_hz", self.control_hz),

@@ -13,6 +13,7 @@ use serde::Serialize;
 
 use super::room::Room;
 use crate::sensors::{Generation, LighthouseOptions, SensorOptions, StationPose};
+use crate::vehicle::MAX_COORDINATE_M;
 use noctograph_core::error::{Error, Result, within};
 use noctograph_core::settings::Described;
 
@@ -46,7 +47,8 @@ pub struct CoveredPoint {
     pub error_m: Option<f64>,
 }
 
-/// Returns the coverage of `[left, bottom, right, top]` at the depth `y_m`, on a grid of `step_m`.
+/// Returns the coverage of the rectangle `[left, bottom, right, top]` in m at the depth `y_m`, on a
+/// grid of `step_m`.
 ///
 /// # Errors
 ///
@@ -59,9 +61,9 @@ pub fn coverage(
 ) -> Result<Coverage> {
     Described::check(&options.lighthouse, "sensors.lighthouse", None)?;
     within("step", step_m, STEPS_M[0], STEPS_M[1])?;
-    within("depth_m", y_m, -1e4, 1e4)?;
+    within("depth_m", y_m, -MAX_COORDINATE_M, MAX_COORDINATE_M)?;
     for bound in bounds_m {
-        within("bounds", bound, -1e4, 1e4)?;
+        within("bounds", bound, -MAX_COORDINATE_M, MAX_COORDINATE_M)?;
     }
     check_grid(bounds_m, step_m)?;
     if options.lighthouse.stations.is_empty() {
@@ -114,7 +116,8 @@ impl Coverage {
     }
 }
 
-/// Returns coordinates from one end to the other, both included, at most `step_m` apart.
+/// Returns equally spaced coordinates from one end to the other, both included, at most `step_m`
+/// apart.
 fn grid_m(from_m: f64, to_m: f64, step_m: f64) -> Vec<f64> {
     // The tolerance prevents an additional step due to rounding, because 1.1 / 0.1 exceeds 11.
     #[expect(clippy::cast_possible_truncation, reason = "at most 2e7")]
@@ -122,7 +125,7 @@ fn grid_m(from_m: f64, to_m: f64, step_m: f64) -> Vec<f64> {
     (0..=n).map(|i| from_m + (to_m - from_m) * f64::from(i) / f64::from(n)).collect()
 }
 
-/// Returns the visibility and accuracy for a level drone at a point.
+/// Returns the number of stations that see a level drone at a point, and the accuracy there.
 fn covered_point(options: &LighthouseOptions, point_m: &Vector3<f64>) -> CoveredPoint {
     let room = Room::new(options);
     let (mut n_stations, mut n_reflected, mut information) = (0, 0, Matrix3::zeros());

@@ -4,7 +4,7 @@
 const BLOCKS: [usize; 3] = [1, 16, 128];
 
 /// Returns the one-sided density (unit/√Hz) of white noise at three time scales, from the Allan
-/// variance of means over blocks of length T, `σ²(T) = n²/2T`.
+/// variance of means over blocks of length T, `σ²(T) = n²/2T`. `rate_hz` is the rate of the values.
 pub(super) fn white_density(values: &[f64], rate_hz: f64) -> [f64; 3] {
     BLOCKS.map(|block| {
         let length = block as f64;
@@ -24,13 +24,15 @@ pub(super) fn random_walk_density(values: &[f64], rate_hz: f64) -> [f64; 3] {
     })
 }
 
-/// Returns the increase per second in the variance of a series' integral around its mean.
+/// Returns the increase per second in the variance of a series' integral around its mean. White
+/// noise of the density n gathers n²/2.
 pub(super) fn gathered(values: &[f64], rate_hz: f64) -> f64 {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
     values.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / n / rate_hz
 }
 
+/// Returns the mean square of the differences between consecutive values.
 fn variance_of_steps(values: &[f64]) -> f64 {
     let steps = values.windows(2).map(|pair| (pair[1] - pair[0]) * (pair[1] - pair[0]));
     let n = (values.len() - 1) as f64;

@@ -10,15 +10,17 @@ use noctograph_core::random::Noise;
 /// Maximum distance in m that the ranger measures (`zranger2.c` discards readings above 5 m).
 const TIME_OF_FLIGHT_RANGE_M: f64 = 5.0;
 
-/// Increase in m of the ranger's noise at a distance of 2.5 m.
+/// Distance in m at which the ranger's noise has increased by [`FAR_NOISE_M`].
+const FAR_M: f64 = 2.5;
+/// Increase in m of the ranger's noise at the distance [`FAR_M`].
 const FAR_NOISE_M: f64 = 0.0025;
 
-/// Returns the standard deviation of a ranger at a distance in m, `noise_m + 0.0025 exp(c (d −
+/// Returns the standard deviation in m of a ranger at a distance, `noise_m + 0.0025 exp(c (d −
 /// 2.5))` with `c = ln(80)/1.5`. With a noise of 2.5 mm, the result equals the firmware's
 /// (`zranger2.c`), 5 mm at 2.5 m and 0.2 m at 4 m.
 pub(super) fn time_of_flight_sigma_m(noise_m: f64, distance_m: f64) -> f64 {
     const C_PER_M: f64 = 2.921_351_089_782_587_4;
-    let growth = libm::exp(C_PER_M * (distance_m - 2.5));
+    let growth = libm::exp(C_PER_M * (distance_m - FAR_M));
     FAR_NOISE_M * (noise_m / FAR_NOISE_M + growth)
 }
 
@@ -32,6 +34,7 @@ pub(super) struct TimeOfFlight {
 }
 
 impl TimeOfFlight {
+    /// Creates the ranger before its first reading. Each drone has a separate stream of noise.
     pub(super) fn new(
         options: &TimeOfFlightOptions,
         floor: &FloorOptions,
@@ -80,6 +83,8 @@ pub(super) struct Barometer {
 }
 
 impl Barometer {
+    /// Creates the barometer before its first reading, with separate streams for white noise and
+    /// drift.
     pub(super) fn new(options: &BarometerOptions, streams: &Streams) -> Self {
         Self {
             clock: Clock::new(options.rate_hz),
@@ -120,6 +125,7 @@ impl GnssOptions {
 }
 
 impl Gnss {
+    /// Creates the receiver before its first fix.
     pub(super) fn new(options: &GnssOptions, streams: &Streams) -> Self {
         Self {
             clock: Clock::new(options.rate_hz),
@@ -128,7 +134,8 @@ impl Gnss {
         }
     }
 
-    /// Returns a fix with noise, or `None` if none is due or there is no fix at that time.
+    /// Returns a fix with noise, or `None` if none is due or there is no fix at that time. The
+    /// noise of a missing fix is drawn too, so that it does not shift the stream.
     pub(super) fn read(&mut self, position_m: Vector3<f64>, time_s: f64) -> Option<Vector3<f64>> {
         self.clock.due(time_s)?;
         let fix_m = position_m + self.noise.normals() * self.options.noise_m;

@@ -108,6 +108,8 @@ impl Lighthouse {
     }
 
     /// Returns the sweeps that reach a deck at `position_m` by `time_s`, among drones at `fleet_m`.
+    /// A sweep contains the angles in rad at the deck's four sensors. The positions are true
+    /// positions in the world frame.
     pub(super) fn read(
         &mut self,
         position_m: &Vector3<f64>,
@@ -177,7 +179,8 @@ pub(super) fn frame_turn(options: &LighthouseOptions) -> Matrix3<f64> {
 }
 
 impl Rotor {
-    /// Creates station `i` at its true pose, with its errors and noise.
+    /// Creates station `i` at its true pose, with its errors and noise. `i` counts the stations
+    /// from 0. `streams` gives the random numbers of the room and of the drone.
     fn new(options: &LighthouseOptions, i: usize, streams: &Streams) -> Self {
         // The true pose differs from the believed pose by a permanent error of the room.
         let station = &options.stations[i];
@@ -210,7 +213,8 @@ impl Rotor {
         }
     }
 
-    /// Returns and counts the next plane if it has passed by `time_s`. Otherwise returns `None`.
+    /// Returns the next plane (0 or 1) if it has passed by `time_s`, and counts it. Otherwise
+    /// returns `None`.
     fn due(&mut self, time_s: f64) -> Option<usize> {
         let plane = (self.passed % 2) as usize;
         let turns = f64::from(self.passed / 2) + self.phases[plane];
@@ -220,14 +224,17 @@ impl Rotor {
         })
     }
 
-    /// Draws the white noise of a sweep for each sensor.
+    /// Draws the white noise of a sweep for each of the deck's four sensors. A part of it is common
+    /// to all sensors.
     fn errors_rad(&mut self) -> [f64; 4] {
         let [common, separate] = self.sigmas_rad;
         let common_rad = common * self.noise.next();
         std::array::from_fn(|_| common_rad + separate * self.noise.next())
     }
 
-    /// Returns the angles at which a sweep hits a deck's four sensors, with distortion and noise.
+    /// Returns the angles in rad at which the plane 0 or 1 hits a deck's four sensors, with
+    /// distortion and the sensors' random errors `errors_rad`. `position_m` and the rotation are in
+    /// the stations' frame.
     fn angles_rad(
         &self,
         plane: usize,
@@ -244,7 +251,8 @@ impl Rotor {
     }
 }
 
-/// Returns the number of turns per second of a station, and the phases at which its planes pass.
+/// Returns the number of turns per second of station `i`, and the phases, in turns, at which its
+/// planes pass. `chance` draws the phase of a second-generation station.
 fn schedule(stations: &[Station], i: usize, chance: &mut Noise) -> (f64, [f64; 2]) {
     match stations[i].generation {
         // First-generation stations take turns, each with both planes.

@@ -76,7 +76,8 @@ pub struct Readings<'a> {
 }
 
 impl<'a> Readings<'a> {
-    /// Creates readings of the inertial sensors only.
+    /// Creates readings of the inertial sensors only. The specific force and the rate are in the
+    /// body frame, and the throttle is 0.
     pub(crate) fn inertial(
         truth: &'a RigidBody,
         rate_rad_s: Vector3<f64>,
@@ -136,7 +137,8 @@ enum Altimeter {
 }
 
 impl Locator {
-    /// Creates the sensor that the options select.
+    /// Creates the positioning sensor that the options select, which is read `rate_hz` times per
+    /// second.
     fn new(options: &SensorOptions, rate_hz: u32, fleet: &Fleet, streams: &Streams) -> Self {
         let room = &options.lighthouse;
         match options.positioning {
@@ -155,7 +157,7 @@ impl Locator {
 }
 
 impl Altimeter {
-    /// Returns the kind of the sensor and its reading, or `None` if no reading is due.
+    /// Returns the kind of the sensor and its reading in m, or `None` if no reading is due.
     fn read(&mut self, body: &RigidBody, time_s: f64) -> Option<(HeightSensor, f64)> {
         let position_m = body.position_m;
         Some(match self {
@@ -212,8 +214,9 @@ impl Sensors {
         }
     }
 
-    /// Reads every sensor that is due, once per tick. `fleet_m` contains the true positions of the
-    /// fleet. A single drone needs no fleet.
+    /// Returns the readings of every sensor that is due, once per tick. `fleet_m` contains the true
+    /// positions of the fleet, for ranges between drones and views that they block. A single drone
+    /// needs no fleet.
     pub(crate) fn read<'a>(
         &'a mut self,
         body: &'a RigidBody,
@@ -261,7 +264,8 @@ impl Sensors {
         bias_m.unwrap_or(0.0)
     }
 
-    /// Returns a warning if there was a time at which fewer than two base stations were seen.
+    /// Returns a warning if there was a time at which fewer than two base stations were seen. The
+    /// warning states the total time.
     pub fn warning(&self) -> Option<Diagnostic> {
         let Locator::Lighthouse(lighthouse, _) = &self.locator else { return None };
         let blind_s = f64::from(lighthouse.blind_ticks()) * self.tick_s;

@@ -6,6 +6,7 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::height::time_of_flight_sigma_m;
+use crate::vehicle::MAX_COORDINATE_M;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::input_error;
 use noctograph_core::settings::{Described, Shape, joined, settings};
@@ -282,7 +283,8 @@ impl Station {
         Self::facing(generation, position_m, &forward, 0.0)
     }
 
-    /// Creates a station at `position_m` that faces along `forward`, and is rolled about that axis.
+    /// Creates a station at `position_m` whose axis is along `forward` (world frame, any length),
+    /// and which is rolled about that axis.
     pub(crate) fn facing(
         generation: Generation,
         position_m: [f64; 3],
@@ -304,7 +306,8 @@ impl Described for Station {
 
     /// Checks that the position and the angles are within their ranges.
     fn check(&self, place: &str, _: Option<[f64; 2]>) -> Result<()> {
-        self.position_m.check(&joined(place, "position_m"), Some([-1e4, 1e4]))?;
+        let range_m = Some([-MAX_COORDINATE_M, MAX_COORDINATE_M]);
+        self.position_m.check(&joined(place, "position_m"), range_m)?;
         for (key, angle_rad, max) in [
             ("yaw_rad", self.yaw_rad, 2.0 * PI),
             ("pitch_rad", self.pitch_rad, FRAC_PI_2),
@@ -317,7 +320,7 @@ impl Described for Station {
 }
 
 impl Positioning {
-    /// Returns the minimum numbers of base stations and of anchors.
+    /// Returns the minimum number of base stations and the minimum number of anchors.
     fn least_counts(self) -> [usize; 2] {
         match self {
             Self::Position | Self::Gnss => [0, 0],
@@ -360,13 +363,13 @@ impl HeightSensor {
 }
 
 impl UwbOptions {
-    /// Returns the positions of the anchors.
+    /// Returns the positions of the anchors in m in the world frame.
     pub fn anchors(&self) -> Vec<Vector3<f64>> {
         self.anchors_m.iter().map(|anchor| Vector3::from(*anchor)).collect()
     }
 
     /// Returns the indices of the anchors that a drone receives, which are all anchors if there are
-    /// no lists. Returns an error for a drone without a list.
+    /// no lists. Returns [`Error::Input`] for a drone without a list.
     pub(crate) fn heard_by(&self, drone: u64) -> Result<Vec<usize>> {
         match usize::try_from(drone).ok().and_then(|drone| self.heard.get(drone)) {
             Some(heard) => Ok(heard.clone()),
@@ -435,7 +438,7 @@ fn check_count(key: &str, n: usize, [least, most]: [usize; 2], hint: &str) -> Re
 }
 
 impl SensorOptions {
-    /// Returns sensors without any error.
+    /// Returns sensors that measure without noise, bias, distortion and outliers.
     pub fn ideal() -> Self {
         // All other errors are zero by default.
         let mut ideal = Self::default();
@@ -500,7 +503,8 @@ impl SensorOptions {
         Ok(())
     }
 
-    /// Checks the numbers of base stations and anchors.
+    /// Checks the numbers of base stations and anchors that the positioning requires, and the
+    /// anchors that each drone receives.
     pub(crate) fn check_counts(&self) -> Result<()> {
         let [least_stations, least_anchors] = self.positioning.least_counts();
         let stations = &self.lighthouse.stations;

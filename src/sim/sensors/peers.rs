@@ -136,7 +136,8 @@ pub(crate) struct Air {
 }
 
 impl Air {
-    /// Creates the radio channel between drones with these indices.
+    /// Creates the radio channel between the drones with these indices. The indices select the
+    /// random numbers of message loss, so the order of the drones has no effect.
     pub(crate) fn new(options: &PeerOptions, seed: u64, indices: &[u64]) -> Self {
         let losses = indices.iter().map(|from| {
             let receivers = indices.iter();

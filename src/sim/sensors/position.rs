@@ -24,6 +24,7 @@ pub(super) struct PositionSensor {
 }
 
 impl PositionSensor {
+    /// Creates the sensor before its first reading. Positions are read `rate_hz` times per second.
     pub(super) fn new(options: &LighthouseOptions, rate_hz: u32, streams: &Streams) -> Self {
         Self {
             frame: frame_turn(options) * (1.0 + options.frame_scale_error),
@@ -40,7 +41,8 @@ impl PositionSensor {
         self.frame * position_m + self.distortion.value_at(&position_m)
     }
 
-    /// Returns the position as measured at a tick.
+    /// Returns the position in m as measured at a tick, with frame error, distortion and jitter.
+    /// The distortion changes only at the ticks of a fix.
     pub(super) fn read(&mut self, position_m: Vector3<f64>, tick: u32) -> Vector3<f64> {
         if tick.is_multiple_of(self.ticks_per_fix) {
             self.distortion_m = self.distortion.value_at(&position_m);

@@ -44,8 +44,8 @@ pub(super) struct Mirror {
 impl Room {
     /// Creates the room that the options describe. A mirror without a normal is left out.
     pub(super) fn new(options: &LighthouseOptions) -> Self {
-        let perfect = options.mirrors_m.iter().map(|plane| (plane, false));
-        let planes = perfect.chain(options.panes_m.iter().map(|plane| (plane, true)));
+        let opaque = options.mirrors_m.iter().map(|plane| (plane, false));
+        let planes = opaque.chain(options.panes_m.iter().map(|plane| (plane, true)));
         let mirrors = planes.filter_map(|([point_m, facing], is_glass)| {
             let facing = Vector3::from(*facing).try_normalize(0.0)?;
             Some(Mirror { point_m: Vector3::from(*point_m), facing, is_glass })
@@ -57,7 +57,7 @@ impl Room {
         }
     }
 
-    /// True if a station is silent at a time.
+    /// True if a station is silent at a time, according to the list of silent periods.
     pub(super) fn is_silent(&self, station: usize, time_s: f64) -> bool {
         self.silent.iter().any(|[silent, from_s, to_s]| {
             *silent == station as f64 && (*from_s..*to_s).contains(&time_s)
@@ -65,7 +65,7 @@ impl Room {
     }
 
     /// True if a person or a drone is between a station and a deck. The deck's own drone, which may
-    /// be among `drones_m`, does not hide the deck.
+    /// be among `drones_m`, does not hide the deck. Positions are in the world frame.
     pub(super) fn hides(
         &self,
         station_m: &Vector3<f64>,

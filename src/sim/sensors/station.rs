@@ -79,9 +79,9 @@ impl StationPose {
             && (self.position_m - deck_m).dot(up) >= LOWEST_SINE * distance_m
     }
 
-    /// Returns the crossing of plane 0 or 1 with a point. The angle is `α = atan2(y, x) + asin(z
-    /// tan t / √(x² + y²))` with `t = ∓π/6` for the second generation, and `atan2(y, x)` and
-    /// `atan2(z, x)` for the first.
+    /// Returns the crossing of plane 0 or 1 with a point in the world frame. The angle is `α =
+    /// atan2(y, x) + asin(z tan t / √(x² + y²))` with `t = ∓π/6` for the second generation, and
+    /// `atan2(y, x)` and `atan2(z, x)` for the first. The gradient is in the world frame.
     pub(crate) fn crossing(&self, plane: usize, point_m: &Vector3<f64>) -> Crossing {
         let u = self.station_from_world(point_m);
         let crossing = match (self.generation, plane) {
@@ -119,7 +119,8 @@ fn upright(u: &Vector3<f64>, axis: usize) -> Crossing {
     Crossing { angle_rad: libm::atan2(aside, ahead), radius_m: square.sqrt(), gradient_rad_m }
 }
 
-/// Returns the crossing of a point with a slanted plane, in the station's frame.
+/// Returns the crossing of a point `u` with a slanted plane, in the station's frame. `tan_tilt` is
+/// the tangent of the plane's tilt from the rotor's axis.
 fn slanted(u: &Vector3<f64>, tan_tilt: f64) -> Crossing {
     // The gradient follows from d asin(s) = ds / √(1 − s²) with the sine s = z tan t / r, which is
     // inversely proportional to the radius r.

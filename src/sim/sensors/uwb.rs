@@ -51,7 +51,8 @@ pub(crate) enum Turn {
 }
 
 /// Returns the links of drones with these indices in the order of their turns. The links of each
-/// drone to its anchors are followed by the pairs of drones.
+/// drone to its anchors are followed by the pairs of drones. Returns an error for a drone without a
+/// list of anchors.
 pub(crate) fn turns(options: &SensorOptions, indices: &[u64]) -> Result<Vec<Turn>> {
     let differences = options.positioning == Positioning::UwbTdoa;
     // The links are ordered by index, so that the order of the drones has no effect.
@@ -80,8 +81,8 @@ struct Errors {
 }
 
 impl Errors {
-    /// Returns a distance with its errors added. Outliers are exponentially distributed, with
-    /// either sign for differences.
+    /// Returns a distance in m with white noise and outliers added. Outliers are exponentially
+    /// distributed, and have either sign for differences.
     fn add_to(&mut self, distance_m: f64, options: &UwbOptions, differences: bool) -> f64 {
         // A Laplace distribution is drawn from its quantile. The lower half uses 1 − 2 q, which has
         // the same distribution as 2 q but is never zero. Both numbers are drawn for each range.
@@ -145,7 +146,7 @@ impl Uwb {
                 outliers: streams.drone_noise("uwb strays"),
             },
             peers: peers.collect(),
-            // This capacity suffices for 2000 ranges per second with a control loop of 50 Hz.
+            // This capacity in ranges suffices for 2000 ranges per second and a loop of 50 Hz.
             ranges: Vec::with_capacity(64),
             peer_ranges: Vec::new(),
             anchors_m,
@@ -153,7 +154,8 @@ impl Uwb {
         }
     }
 
-    /// Returns the ranges that are due by `time_s`, to anchors and to drones at `fleet_m`.
+    /// Returns the ranges that are due by `time_s`, first those to anchors, and then those to
+    /// drones at `fleet_m` (true positions, in the order of the fleet).
     pub(super) fn read(
         &mut self,
         position_m: &Vector3<f64>,

@@ -13,7 +13,8 @@ pub use self::lighthouse::read_lighthouse_config;
 /// Maximum number of characters of a line that are shown in a message.
 const MOST_SHOWN: usize = 60;
 
-/// Parses a YAML text with one document. An error contains the line, and `file` as the text's name.
+/// Parses a YAML text with one document. An error contains the line, the beginning of that line,
+/// and `file` as the text's name.
 fn from_yaml<T: DeserializeOwned>(text: &str, file: &str, hint: &str) -> Result<T> {
     // The library rejects duplicate keys, excessive alias expansion, and deep nesting.
     serde_saphyr::from_str(text).map_err(|error| {

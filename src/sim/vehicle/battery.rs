@@ -4,7 +4,7 @@ use nalgebra::Vector4;
 
 use super::{BatteryOptions, Compensation};
 
-const SECONDS_PER_HOUR: f64 = 3600.0;
+pub(super) const SECONDS_PER_HOUR: f64 = 3600.0;
 /// Time in s below the cut-off after which the motors stop (`PM_BAT_CRITICAL_LOW_TIMEOUT`,
 /// `pm_stm32f4.c` of firmware 2026.08), so that a voltage sag at take-off does not stop them.
 const CUT_OFF_S: f64 = 5.0;
@@ -62,7 +62,8 @@ impl Battery {
         self.low_s >= CUT_OFF_S
     }
 
-    /// Supplies the current for a total thrust of all rotors for `dt_s`.
+    /// Supplies the current for a total thrust of all rotors for `dt_s`, which updates charge,
+    /// voltage, energy and the time below the cut-off.
     #[inline(always)]
     pub(super) fn drain(&mut self, thrust_n: f64, dt_s: f64) {
         // The voltage is U = U₀(charge) − R I, with a current that is linear in the thrust.
@@ -133,7 +134,8 @@ impl Battery {
         (a + motor_v * (b + motor_v * (c + motor_v * d))).max(0.0)
     }
 
-    /// Returns the voltage of a motor that provides a thrust, by bisection, or 0 for no thrust.
+    /// Returns the voltage in V of a motor that provides a thrust, by bisection, or 0 for no
+    /// thrust.
     fn motor_v(&self, thrust_n: f64) -> f64 {
         if thrust_n <= 0.0 {
             return 0.0;

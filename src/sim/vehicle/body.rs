@@ -60,7 +60,7 @@ impl RigidBody {
             .facing(libm::atan2(y, x))
     }
 
-    /// Returns the attitude as a matrix.
+    /// Returns the rotation matrix from the body frame to the world frame.
     #[inline]
     pub fn matrix(&self) -> Matrix3<f64> {
         self.world_from_body.to_rotation_matrix().into_inner()
@@ -89,7 +89,8 @@ impl RigidBody {
         self.world_from_body.inverse_transform_vector(&self.velocity_m_s)
     }
 
-    /// Returns the body as a vector for the integrator.
+    /// Returns the body as a vector for the integrator: position and velocity in the world frame,
+    /// quaternion w x y z, and body rate.
     #[inline(always)]
     pub(super) fn row(&self) -> Row {
         let (p, v, w) = (&self.position_m, &self.velocity_m_s, &self.rate_rad_s);
@@ -125,6 +126,7 @@ pub(super) struct Inertia {
 }
 
 impl Inertia {
+    /// Returns the constants of the equations of motion, computed once for all steps.
     pub(super) fn new(options: &VehicleOptions) -> Self {
         let [x, y, z] = options.inertia_kg_m2;
         Self {
@@ -137,7 +139,8 @@ impl Inertia {
         }
     }
 
-    /// Returns an accelerometer's reading in flight (thrust and drag per unit mass, body frame).
+    /// Returns an accelerometer's reading in flight, which is thrust and drag per unit mass in the
+    /// body frame.
     #[inline(always)]
     pub(super) fn specific_force_m_s2(
         &self,
@@ -152,7 +155,8 @@ impl Inertia {
         force_n * self.per_mass
     }
 
-    /// Returns the drag along the body axes for an airspeed in the body frame.
+    /// Returns the drag in N along the body axes for an airspeed in the body frame. Body and rotors
+    /// contribute.
     #[inline(always)]
     fn drag_n(&self, airspeed_m_s: &Vector3<f64>, load: &Load) -> Vector3<f64> {
         let [x, y, z] = self.drag_n_s_m;
@@ -160,7 +164,8 @@ impl Inertia {
         -Vector3::new(x + across, y + across, z).component_mul(airspeed_m_s)
     }
 
-    /// Advances the body by a classical Runge–Kutta step with loads at its start, middle and end.
+    /// Returns the body after a step of `dt_s` by the classical Runge–Kutta method, with loads at
+    /// the step's start, middle and end.
     #[inline(always)]
     pub(super) fn step(
         &self,
@@ -181,7 +186,8 @@ impl Inertia {
         end
     }
 
-    /// Returns the derivative of the body's state under a load and wind.
+    /// Returns the time derivative of the body's state, in the order of [`RigidBody::row`],
+    /// under a load and wind.
     #[inline(always)]
     fn derivative(&self, s: &Row, load: &Load, wind_m_s: &Vector3<f64>) -> Row {
         // The quaternion's matrix rotates the airspeed to the body frame.

@@ -30,7 +30,7 @@
 use nalgebra::{Vector3, Vector4};
 
 use super::body::RigidBody;
-use noctograph_core::crazyflie::MOTOR_SIGNS;
+use noctograph_core::crazyflie::{MOTOR_SIGNS, N_MOTORS};
 
 /// Largest fraction of the thrust that is lost, 10 g of 34 g in the nearest measurement (0.2 m).
 const MOST_LOST: f64 = 10.0 / 34.0;
@@ -66,7 +66,8 @@ impl Jet {
         Self { from_m: body.position_m, along, thrust_n, size_m }
     }
 
-    /// Returns the thrust lost in the stream by each rotor of a drone with the thrust `thrust_n`.
+    /// Returns the thrust in N that each rotor of a drone loses in the stream. `thrust_n` is the
+    /// drone's total thrust, and `arm_m` is the lever of its rotors.
     pub(crate) fn lost_n(&self, body: &RigidBody, thrust_n: f64, arm_m: f64) -> Vector4<f64> {
         let apart_m = body.position_m - self.from_m;
         let below_m = apart_m.dot(&self.along);
@@ -79,7 +80,7 @@ impl Jet {
         let from_origin = below_m / self.size_m - ORIGIN;
         let lost_frac =
             if from_origin > 0.0 { (LOSS_SIZES / from_origin).min(MOST_LOST) } else { MOST_LOST };
-        let each_n = 0.25 * lost_frac * (self.thrust_n * thrust_n).max(0.0).sqrt();
+        let each_n = lost_frac * (self.thrust_n * thrust_n).max(0.0).sqrt() / N_MOTORS;
         // Across the axis, the speed has a Gaussian profile. The fraction is for a drone on the
         // axis, with each rotor an arm's diagonal away from it.
         Vector4::from_fn(|motor, _| {

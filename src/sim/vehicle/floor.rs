@@ -6,6 +6,11 @@ use serde::{Deserialize, Serialize};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::settings::{Described, Shape, joined, settings};
 
+/// Largest absolute coordinate in m that scenes and files may contain.
+pub(crate) const MAX_COORDINATE_M: f64 = 1e4;
+/// Smallest and largest height of a step in m.
+const HEIGHTS_M: [f64; 2] = [0.001, 100.0];
+
 settings! {
     /// The floor, which is level at z = 0 except for steps. The ranger detects the steps, and the
     /// drone can rest on them. Their sides do not stop the drone, and no light falls on them.
@@ -44,12 +49,12 @@ impl FloorStep {
 impl Described for FloorStep {
     const SHAPE: Shape = Shape::Plain;
 
-    /// Checks the height and the order of the ends.
+    /// Checks that the height is within [`HEIGHTS_M`], and that each end is beyond its beginning.
     fn check(&self, place: &str, _: Option<[f64; 2]>) -> Result<()> {
-        self.height_m.check(&joined(place, "height_m"), Some([0.001, 100.0]))?;
+        self.height_m.check(&joined(place, "height_m"), Some(HEIGHTS_M))?;
         for (key, extent_m) in [("x_m", self.x_m), ("y_m", self.y_m)] {
             let place = joined(place, key);
-            extent_m.check(&place, Some([-1e4, 1e4]))?;
+            extent_m.check(&place, Some([-MAX_COORDINATE_M, MAX_COORDINATE_M]))?;
             let [least, most] = extent_m;
             if least >= most {
                 let extent = format!("{least} to {most} m");
@@ -69,7 +74,8 @@ impl FloorOptions {
         below.fold(0.0, |highest, step| step.height_m.max(highest))
     }
 
-    /// Returns the distance from a point to the floor along a downward unit vector in m.
+    /// Returns the distance in m from a point to the floor or to the nearest step along a downward
+    /// unit vector.
     pub fn distance_m(&self, from_m: &Vector3<f64>, down: &Vector3<f64>) -> f64 {
         let to_steps_m = self.steps.iter().filter_map(|step| {
             let distance_m = (from_m.z - step.height_m) / -down.z;
@@ -79,7 +85,7 @@ impl FloorOptions {
         to_steps_m.fold(from_m.z / -down.z, f64::min)
     }
 
-    /// Checks that no two steps overlap.
+    /// Checks that no two steps overlap, so that each point of the floor has one height.
     pub(crate) fn check_steps(&self) -> Result<()> {
         for (i, step) in self.steps.iter().enumerate() {
             if let Some(j) = self.steps[..i].iter().position(|other| step.overlaps(other)) {

@@ -16,6 +16,8 @@ pub(super) struct Floor {
 }
 
 impl Floor {
+    /// Creates the floor's effect on a vehicle's rotors. Neighboring rotors are two levers
+    /// (`arm_m`) apart.
     pub(super) fn new(options: &VehicleOptions) -> Self {
         Self {
             model: options.ground_effect,
@@ -31,6 +33,7 @@ impl Floor {
     #[inline(always)]
     pub(super) fn thrust_ratio(&self, height_m: f64) -> f64 {
         // The images are those of the rotor itself, of its two neighbors and of the opposite rotor.
+        // The factors of 4 and 2 are those of the published formulas.
         let radius = self.radius_m;
         let z = (height_m + self.rotor_height_m).max(radius * MIN_HEIGHT_RADII);
         let image = radius / (z * 4.0);

@@ -38,7 +38,8 @@ impl Filtered {
         filtered
     }
 
-    /// Returns the components in the next step.
+    /// Advances the filters by a time step, and returns their three components in m/s for wind, or
+    /// in N·m for torque.
     #[inline]
     fn advance(&mut self) -> [f64; 3] {
         self.filters.each_mut().map(|filter| filter.advance(&mut self.noise))
@@ -55,7 +56,8 @@ pub(super) struct Gust {
 }
 
 impl Wind {
-    /// Creates the wind at the drone with index `drone`, which is advanced in steps of `dt_s`.
+    /// Creates the wind at the drone with index `drone`, which is advanced in steps of `dt_s`. The
+    /// index selects the random numbers.
     pub(super) fn new(options: &AirOptions, dt_s: f64, seed: u64, drone: u64) -> Self {
         let mean_m_s = Vector3::from(options.wind_m_s);
         let level_m_s = libm::hypot(mean_m_s.x, mean_m_s.y);
@@ -89,7 +91,7 @@ impl Wind {
         self.gusts.is_none() && self.torques.is_none()
     }
 
-    /// Returns the wind and the torque of the next step.
+    /// Returns the wind (world frame) and the torque (body frame) of the next step.
     #[inline]
     pub(super) fn advance(&mut self) -> Gust {
         let mut gust = Gust { wind_m_s: self.mean_m_s, ..Gust::default() };
@@ -106,7 +108,8 @@ impl Wind {
 }
 
 /// Returns filters for Dryden's spectra below 1000 ft (MIL-F-8785C), for air that drifts past the
-/// drone with the wind. One filter is for gusts along the wind, and two are for gusts across it.
+/// drone with the wind. The first filter is for gusts along the wind, and the others are for gusts
+/// across it and upward. Their outputs are in m/s.
 fn dryden(wind_m_s: f64, dt_s: f64) -> [Filter; 3] {
     // The formulas are σ_w = 0.1 u, σ_u = σ_w / (0.177 + 0.000823 h)^0.4, L_w = h, L_u = h /
     // (…)^1.2, with h in feet.
@@ -140,6 +143,7 @@ struct Filter {
 
 impl Filter {
     /// Creates a filter with the time constant `time_s`, steps of `dt_s`, and both stages at zero.
+    /// `parts` are the factors of both stages in the output, in its unit.
     fn new(parts: [f64; 2], time_s: f64, dt_s: f64) -> Self {
         // The rows of F are (decay 0, coupling decay), and Q = P − F P Fᵀ has these entries.
         let decay = libm::exp(-dt_s / time_s);
@@ -160,7 +164,7 @@ impl Filter {
         self.stages = [first, 0.5 * (first + noise.next())];
     }
 
-    /// Advances the filter by a step, and returns its output.
+    /// Advances the filter by a step, and returns its output in the unit of its parts.
     fn advance(&mut self, noise: &mut Normals) -> f64 {
         // A one-stage filter draws one random number per step, and a two-stage filter draws two.
         let [first, second] = self.stages;

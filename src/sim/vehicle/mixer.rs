@@ -4,7 +4,7 @@ use nalgebra::{Matrix4, Vector4};
 
 use super::VehicleOptions;
 use super::model::Wrench;
-use noctograph_core::crazyflie::MOTOR_SIGNS;
+use noctograph_core::crazyflie::{MOTOR_SIGNS, N_MOTORS};
 
 /// Linear motors between 0 and a maximum command.
 #[derive(Clone, Debug)]
@@ -15,15 +15,15 @@ pub struct Mixer {
 }
 
 impl Mixer {
-    /// Creates the mixer of a drone.
+    /// Creates the mixer of a drone from its lever and from the force and torque per command.
     pub fn new(options: &VehicleOptions) -> Self {
         let (force, lever) = (options.k_f_n, options.k_f_n * options.arm_m);
         let scale = Vector4::new(lever, lever, options.k_m_n_m, force);
-        // MOTOR_SIGNS has orthogonal rows of length 2, so its inverse is its transpose / 4.
+        // MOTOR_SIGNS has four orthogonal rows of length 2, so its inverse is its transpose / 4.
         Self {
             wrench_from_motors: Matrix4::from_diagonal(&scale) * MOTOR_SIGNS,
             motors_from_wrench: MOTOR_SIGNS.transpose()
-                * Matrix4::from_diagonal(&scale.map(|s| 0.25 / s)),
+                * Matrix4::from_diagonal(&scale.map(|s| 1.0 / (N_MOTORS * s))),
             motor_max: options.motor_max,
         }
     }
@@ -33,7 +33,8 @@ impl Mixer {
         self.motors_from_wrench
     }
 
-    /// Returns the commands m1…m4 for a wrench, clamped to the motors' range, and true if clamped.
+    /// Returns the commands m1…m4 for a wrench, clamped to the motors' range, and true if any of
+    /// them was clamped.
     pub fn motors(&self, wrench: &Wrench) -> (Vector4<f64>, bool) {
         let wanted = self.unbounded_motors(wrench);
         let motors = wanted.map(|m| m.clamp(0.0, self.motor_max));
@@ -45,14 +46,16 @@ impl Mixer {
         self.motors_from_wrench * wrench
     }
 
-    /// Returns the firmware's commands m1…m4 for a wrench, limited as in [`capped`]
-    /// (`powerDistributionForceTorque`, `power_distribution_quadrotor.c`).
+    /// Returns the firmware's commands m1…m4 for a wrench, and true if any of them was limited, as
+    /// [`capped`] does (`powerDistributionForceTorque`, `power_distribution_quadrotor.c`). `most`
+    /// is the maximum command.
     pub(crate) fn distributed(&self, wrench: &Wrench, most: f64) -> (Vector4<f64>, bool) {
         capped(&self.unbounded_motors(wrench), most)
     }
 
-    /// Returns the firmware's commands m1…m4 for roll, pitch, yaw and thrust in the same unit,
-    /// limited as in [`capped`] (`powerDistributionLegacy`).
+    /// Returns the firmware's commands m1…m4 for roll, pitch, yaw and thrust in the same unit, and
+    /// true if any of them was limited, as [`capped`] does (`powerDistributionLegacy`). `most` is
+    /// the maximum command.
     pub(crate) fn motors_from_commands(commands: &Vector4<f64>, most: f64) -> (Vector4<f64>, bool) {
         capped(&(MOTOR_SIGNS.transpose() * commands), most)
     }

@@ -26,11 +26,14 @@ mod rotors;
 
 pub use self::body::RigidBody;
 pub use self::downwash::Jet;
+pub(crate) use self::floor::MAX_COORDINATE_M;
 pub use self::floor::{FloorOptions, FloorStep};
 pub use self::gusts::TORQUE_TIME_S;
 pub use self::mixer::Mixer;
 pub use self::model::{Motion, at_rest, attitude, position, rate, velocity};
-pub(crate) use self::model::{State, Wrench, motion_derivative, state};
+pub(crate) use self::model::{
+    N_INPUTS, N_STATES, RATE, State, VELOCITY, Wrench, YAW, motion_derivative, state,
+};
 pub use self::options::{
     AirOptions, BatteryOptions, Compensation, Downwash, GroundEffect, GustOptions, Gusts,
     VehicleOptions,

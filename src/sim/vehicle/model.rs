@@ -9,11 +9,21 @@ use noctograph_core::geometry::Attitude;
 
 /// State `[o_x o_y o_z ψ θ φ v_x v_y v_z w_x w_y w_z]`, which is the position in the world frame,
 /// yaw, pitch and roll, and velocity and angular velocity in the body frame.
-pub(crate) type State = SVector<f64, 12>;
+pub(crate) type State = SVector<f64, N_STATES>;
 /// First nine rows of `State`, which are the motion for a given body rate.
-pub type Motion = SVector<f64, 9>;
+pub type Motion = SVector<f64, RATE>;
+/// Number of rows of a [`State`].
+pub(crate) const N_STATES: usize = 12;
+/// Row of the yaw in a [`State`] and in a [`Motion`].
+pub(crate) const YAW: usize = 3;
+/// First row of the velocity in a [`State`] and in a [`Motion`].
+pub(crate) const VELOCITY: usize = 6;
+/// First row of the angular velocity in a [`State`].
+pub(crate) const RATE: usize = 9;
 /// Torques and thrust `[τ_x τ_y τ_z f_z]` on the body.
 pub(crate) type Wrench = Vector4<f64>;
+/// Number of rows of a [`Wrench`].
+pub(crate) const N_INPUTS: usize = 4;
 
 impl VehicleOptions {
     /// Returns the wrench at hover, which is a thrust equal to the weight, without torque.
@@ -21,22 +31,24 @@ impl VehicleOptions {
         Wrench::new(0.0, 0.0, 0.0, self.mass_kg * GRAVITY_M_S2)
     }
 
-    /// Returns the derivative `ṡ` of the state in the design model.
+    /// Returns the time derivative `ṡ` of the state in the design model. `wrench` contains the
+    /// torques in N·m and the thrust in N.
     pub(crate) fn derivative(&self, state: &State, wrench: &Wrench) -> State {
         let (rate, j) = (rate(state), Vector3::from(self.inertia_kg_m2));
-        let motion = state.fixed_rows::<9>(0).into_owned();
+        let motion = state.fixed_rows::<RATE>(0).into_owned();
         let motion = motion_derivative(&motion, &rate, wrench[3] / self.mass_kg);
         // Euler's equations are J ω̇ = τ + J ω × ω.
         let acceleration = (j.component_mul(&rate).cross(&rate) + wrench.xyz()).component_div(&j);
         let mut derivative = State::zeros();
-        derivative.fixed_rows_mut::<9>(0).copy_from(&motion);
-        derivative.fixed_rows_mut::<3>(9).copy_from(&acceleration);
+        derivative.fixed_rows_mut::<RATE>(0).copy_from(&motion);
+        derivative.fixed_rows_mut::<3>(RATE).copy_from(&acceleration);
         derivative
     }
 }
 
-/// Returns the derivative of the motion (the first nine rows of `ṡ`) for a body rate and a specific
-/// force along body z (thrust per unit mass, which is also the accelerometer's reading).
+/// Returns the derivative of the motion (the first nine rows of `ṡ`) for a body rate in rad/s and a
+/// specific force in m/s² along body z (thrust per unit mass, which is also the accelerometer's
+/// reading).
 pub(crate) fn motion_derivative(
     motion: &Motion,
     rate: &Vector3<f64>,
@@ -66,7 +78,8 @@ pub(crate) fn motion_derivative(
     ])
 }
 
-/// Returns the twelve states of a body, with velocity and rate in the body frame.
+/// Returns the twelve states of a body from its position and attitude in the world frame, and its
+/// velocity and rate in the body frame.
 pub(crate) fn state(
     position_m: &Vector3<f64>,
     attitude: Attitude,
@@ -96,12 +109,12 @@ pub fn attitude(state: &State) -> Attitude {
 
 /// Returns the velocity in the body frame in m/s.
 pub fn velocity(state: &State) -> Vector3<f64> {
-    state.fixed_rows::<3>(6).into_owned()
+    state.fixed_rows::<3>(VELOCITY).into_owned()
 }
 
 /// Returns the angular velocity in the body frame in rad/s.
 pub fn rate(state: &State) -> Vector3<f64> {
-    state.fixed_rows::<3>(9).into_owned()
+    state.fixed_rows::<3>(RATE).into_owned()
 }
 
 #[cfg(test)]

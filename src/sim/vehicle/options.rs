@@ -1,7 +1,8 @@
 //! Settings of the drone, its battery and the air around it.
 
+use super::battery::SECONDS_PER_HOUR;
 use nalgebra::Vector3;
-use noctograph_core::crazyflie::Release;
+use noctograph_core::crazyflie::{N_MOTORS, Release};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::settings::settings;
 
@@ -235,9 +236,10 @@ impl GustOptions {
 }
 
 impl VehicleOptions {
-    /// Checks that the motors can lift the drone.
+    /// Checks that the motors can lift the drone. Returns [`Error::Infeasible`] with both forces if
+    /// they cannot.
     pub(crate) fn check_lift(&self) -> Result<()> {
-        let (lift_n, weight_n) = (4.0 * self.full_thrust_n(), self.mass_kg * GRAVITY_M_S2);
+        let (lift_n, weight_n) = (N_MOTORS * self.full_thrust_n(), self.mass_kg * GRAVITY_M_S2);
         if lift_n > weight_n {
             return Ok(());
         }
@@ -249,7 +251,7 @@ impl VehicleOptions {
 
     /// Returns the fraction of the motors' maximum command at which the drone hovers.
     pub fn hover_throttle(&self) -> f64 {
-        self.mass_kg * GRAVITY_M_S2 / (4.0 * self.full_thrust_n())
+        self.mass_kg * GRAVITY_M_S2 / (N_MOTORS * self.full_thrust_n())
     }
 
     /// Returns the thrust of one motor at its maximum command in N.
@@ -290,7 +292,8 @@ impl BatteryOptions {
         let least_v = self.cut_off_v + self.resistance_ohm * current_a;
         let mut fracs = (0..=EMPTY_STEPS).map(|step| f64::from(step) / f64::from(EMPTY_STEPS));
         let empty_frac = fracs.find(|frac| self.open_circuit_v(*frac) >= least_v).unwrap_or(1.0);
-        let charge_a_s = 3600.0 * self.capacity_ah * (self.charge_frac - empty_frac).max(0.0);
+        let charged_frac = (self.charge_frac - empty_frac).max(0.0);
+        let charge_a_s = SECONDS_PER_HOUR * self.capacity_ah * charged_frac;
         (self.capacity_ah > 0.0).then(|| charge_a_s / current_a)
     }
 

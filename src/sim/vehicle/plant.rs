@@ -9,7 +9,7 @@ use super::ground_effect::Floor;
 use super::gusts::Wind;
 use super::rotors::{Load, Rotors};
 use super::{AirOptions, BatteryOptions, FloorOptions, VehicleOptions};
-use noctograph_core::crazyflie::GRAVITY_M_S2;
+use noctograph_core::crazyflie::{GRAVITY_M_S2, N_MOTORS};
 use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::flight::warning;
 
@@ -75,7 +75,7 @@ impl Plant {
     ) -> Self {
         let PlantOptions { vehicle, battery, air, floor } = options;
         let floor_m = floor.height_m(position_m.x, position_m.y);
-        let rotor_m_s2 = if position_m.z > floor_m { 0.25 * GRAVITY_M_S2 } else { 0.0 };
+        let rotor_m_s2 = if position_m.z > floor_m { GRAVITY_M_S2 / N_MOTORS } else { 0.0 };
         Self {
             row: RigidBody::resting_at(position_m).row(),
             rotors: Rotors::new(vehicle, rotor_m_s2 * vehicle.mass_kg, dt_s),
@@ -108,11 +108,12 @@ impl Plant {
     }
 
     /// Sets the downwash of other drones, which reduces the rotors' thrust until the next call.
+    /// Without jets, no thrust is lost.
     pub fn enter<'a>(&mut self, jets: impl Iterator<Item = &'a Jet>) {
         let (body, thrust_n) = (self.body(), self.rotors.thrust_n());
         let lost_n: Vector4<f64> = jets.map(|jet| jet.lost_n(&body, thrust_n, self.arm_m)).sum();
         // The total loss is limited to a rotor's mean thrust.
-        let lost_n = lost_n.map(|lost_n| lost_n.min(0.25 * thrust_n));
+        let lost_n = lost_n.map(|lost_n| lost_n.min(thrust_n / N_MOTORS));
         self.lost = (lost_n.max() > 0.0).then(|| self.rotors.lost_load(&lost_n));
     }
 
@@ -178,10 +179,11 @@ impl Plant {
         self.inertia.specific_force_m_s2(&self.body(), &load, &self.wind_m_s)
     }
 
-    /// Returns the vertical acceleration by full throttle at the present voltage, far from a floor.
+    /// Returns the vertical acceleration in m/s² by full throttle at the present voltage, far from
+    /// a floor.
     pub fn gain_m_s2(&self) -> f64 {
         let battery_gain = self.battery.as_ref().map_or(1.0, |b| b.limit(self.full_thrust_n).gain);
-        4.0 * self.full_thrust_n * battery_gain * GRAVITY_M_S2 / self.inertia.weight_n
+        N_MOTORS * self.full_thrust_n * battery_gain * GRAVITY_M_S2 / self.inertia.weight_n
     }
 
     /// Returns warnings about a battery that limited the thrust or was empty.
@@ -192,7 +194,8 @@ impl Plant {
         weak.into_iter().chain(is_empty.then(warning::battery_empty)).collect()
     }
 
-    /// Returns the thrust that each motor approaches under a command, within the battery's limits.
+    /// Returns the thrust in N that each motor approaches under a command, within the battery's
+    /// limits. Counts the step if the battery limits it.
     #[inline(always)]
     pub(crate) fn thrusts_n(&mut self, commands: &[f64; 4]) -> Vector4<f64> {
         let thrusts_n = Vector4::from(*commands) * self.thrust_per_command_n;
@@ -219,7 +222,8 @@ impl Plant {
     }
 
     /// Sets the state after a step with contact. A drone that rests on the floor stays there, a
-    /// rising drone moves to `next`, and a descending drone stops on the floor.
+    /// rising drone moves to `next`, and a descending drone stops on the floor. `load` is that at
+    /// the end of the step.
     #[inline(never)]
     fn touch(&mut self, next: Row, load: &Load) {
         let rests = self.rests(load);

@@ -19,7 +19,7 @@ pub(super) struct Load {
 }
 
 impl Load {
-    /// Returns the load minus the thrust and torque of another load.
+    /// Returns the load minus the thrust and torque of another load. Drag and spin are unchanged.
     #[inline(always)]
     pub(super) fn less(&self, lost: &Self) -> Self {
         Self {
@@ -97,7 +97,7 @@ impl Rotors {
     }
 
     /// Advances the speeds toward the commanded thrusts by one step. Returns the loads at the
-    /// step's start, middle and end.
+    /// step's start, middle and end. `ground` is the ratio of thrust to that far from the floor.
     #[inline(always)]
     pub(super) fn advance(&mut self, command_n: &Vector4<f64>, ground: f64) -> [Load; 3] {
         // Each speed approaches its target exponentially, with different time constants up and
@@ -119,7 +119,8 @@ impl Rotors {
         loads
     }
 
-    /// Returns the load at given speeds (rad/s) that change at given rates (rad/s²).
+    /// Returns the load at given speeds (rad/s) that change at given rates (rad/s²). `ground` is
+    /// the ratio of thrust to that far from the floor.
     #[inline(always)]
     fn load_at(&self, speed: &Vector4<f64>, change: &Vector4<f64>, ground: f64) -> Load {
         let scale = self.thrust_n_s2 * ground;

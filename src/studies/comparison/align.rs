@@ -27,7 +27,8 @@ pub(super) fn offset_s(a: &Flight, b: &Flight) -> Result<f64> {
     Ok(minimize(range_s, |s| difference_m2(&a, &b, s)))
 }
 
-/// Returns a flight's design. Returns an error if the flight lacks one.
+/// Returns the designed path of a flight. Returns an error coded `clocks-apart` if its log has no
+/// design. `name` is the flight's name in the error.
 fn design(flight: &Flight, name: &str) -> Result<DesignPath> {
     DesignPath::new(flight).ok_or_else(|| {
         let hint = "state the offset of B's clock, or 0 to leave it as it is";

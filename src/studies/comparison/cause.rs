@@ -67,7 +67,8 @@ fn power(vectors: &[Vector3<f64>]) -> f64 {
     mean(vectors.iter().map(|v| v.component_mul(v))).sum()
 }
 
-/// Returns the factor by which `along` best approximates `vectors` in the least-squares sense.
+/// Returns the factor without unit by which `along` best approximates `vectors` in the
+/// least-squares sense, or 0 if all of `along` are 0.
 fn fit(vectors: &[Vector3<f64>], along: &[Vector3<f64>]) -> f64 {
     // The factor is Σ v · a / Σ a².
     let (dot, square) = vectors
@@ -77,8 +78,9 @@ fn fit(vectors: &[Vector3<f64>], along: &[Vector3<f64>]) -> f64 {
     if square > 0.0 { dot / square } else { 0.0 }
 }
 
-/// Returns the lag of B, and A's displacement during that lag at each sample. The lag is the time
-/// shift of A that best matches B except for a constant offset, as with `--align flown`.
+/// Returns the lag of B in s, positive if B is late, and A's displacement in m during that lag at
+/// each pair. The lag is the time shift of A that best matches B except for a constant offset, as
+/// with `--align flown`. It is 0 if no shift within [`MAX_LAG_S`] is a minimum.
 fn lag(pairs: &[[FlightSample; 2]]) -> (f64, Vec<Vector3<f64>>) {
     let a = DesignPath::through(pairs.iter().map(|[a, _]| (a.time_s, a.position_m)));
     fn cost(a: &DesignPath, pairs: &[[FlightSample; 2]], lag_s: f64) -> f64 {
@@ -94,7 +96,7 @@ fn lag(pairs: &[[FlightSample; 2]]) -> (f64, Vec<Vector3<f64>>) {
     (lag_s, moved.map(|([a, _], a_m)| a_m - a.position_m).collect())
 }
 
-/// Returns the positions on a path that is late by `lag_s`, at the times of the pairs.
+/// Returns the positions in m on a path that is late by `lag_s`, at the times of the pairs.
 fn shifted(
     path: &DesignPath,
     pairs: &[[FlightSample; 2]],

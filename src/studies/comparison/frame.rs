@@ -43,7 +43,8 @@ impl FrameAlignment {
         placed
     }
 
-    /// Transforms the positions and the heading of a sample.
+    /// Transforms a sample of B to the frame of A: its position, its estimate and its heading. The
+    /// heading is wrapped to ±π.
     pub fn place(&self, sample: &mut FlightSample) {
         for position_m in [&mut sample.position_m, &mut sample.estimate_m] {
             *position_m = self.rotation() * *position_m + self.shift_m;
@@ -109,7 +110,8 @@ pub(super) fn place(
     Ok((offset_s, None))
 }
 
-/// Calls [`fit`] for the pairs of two flights after adding `offset_s` to B's timestamps.
+/// Returns [`fit`] for the pairs of two flights after adding `offset_s` to B's timestamps. Returns
+/// an error if a flight has no samples in the compared part, and `None` as [`fit`] does.
 fn fit_at(
     [a, b]: [&Flight; 2],
     options: &ComparisonOptions,
@@ -120,9 +122,9 @@ fn fit_at(
     Ok(fit(&pairs(&a, &b, options.max_gap_s)))
 }
 
-/// Returns the root mean square distance of pairs, and the rotation and translation of B that
+/// Returns the root mean square distance of pairs in m, and the rotation and translation of B that
 /// minimize it (orthogonal Procrustes problem about the vertical axis: Schönemann, Psychometrika
-/// 31, 1966). Returns `None` for fewer than ten pairs.
+/// 31, 1966). Returns `None` for fewer than ten pairs, which determine a rotation poorly.
 fn fit(pairs: &[[FlightSample; 2]]) -> Option<(f64, FrameAlignment)> {
     if pairs.len() < 10 {
         return None;

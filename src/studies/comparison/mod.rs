@@ -151,7 +151,8 @@ pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Co
 }
 
 impl Alignment {
-    /// Returns the seconds to add to B's timestamps.
+    /// Returns the seconds to add to B's timestamps. Returns an error if a flight lacks the path
+    /// that is aligned.
     fn offset_s(self, a: &Flight, b: &Flight) -> Result<f64> {
         match self {
             Self::Design => align::offset_s(a, b),
@@ -161,7 +162,8 @@ impl Alignment {
     }
 }
 
-/// Returns the airborne part of a flight, with the flown path as its design.
+/// Returns the airborne part of a flight, with the flown path in place of its design, so that flown
+/// paths can be aligned as designs are. Returns an error if the flight was never airborne.
 fn flown(flight: &Flight) -> Result<Flight> {
     let samples = Part::Airborne.samples(flight)?.into_iter();
     let samples = samples.map(|s| FlightSample { design_m: s.position_m, ..s }).collect();
@@ -171,7 +173,8 @@ fn flown(flight: &Flight) -> Result<Flight> {
 /// Maximum distance up to which two flights' letters count as the same: a fifth of the cap height.
 const MAX_LETTERS_APART_M: f64 = 0.1;
 
-/// Returns an error if the designs of two flights write different letters.
+/// Returns an error if the designs of two flights write different letters, or the same letters at
+/// different places. Nothing is checked if a flight marks no letters.
 fn check_words(a: &Flight, b: &Flight) -> Result<()> {
     let [a, b] = [a, b].map(|flight| {
         let written = flight.samples.iter().filter(|sample| sample.letter.is_some());
@@ -204,7 +207,8 @@ fn check_words(a: &Flight, b: &Flight) -> Result<()> {
     ))
 }
 
-/// Pairs each sample of A with B's interpolated state, and omits times at which B is unknown.
+/// Pairs each sample of A with B's state interpolated at its time, as `[a, b]`. Omits times at
+/// which B is unknown, because it has no sample there or a gap longer than `max_gap_s`.
 fn pairs(a: &[FlightSample], b: &[FlightSample], max_gap_s: f64) -> Vec<[FlightSample; 2]> {
     let mut next = 0;
     let mut pairs = Vec::with_capacity(a.len());

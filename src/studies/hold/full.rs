@@ -10,7 +10,8 @@ use noctograph_plan::{Plan, PlanData, Setpoint};
 use noctograph_sim::vehicle::Plant;
 use noctograph_sim::{Avionics, Drone, SimOptions, fly_watched};
 
-/// Flies a scenario as described at [`super::hold()`].
+/// Flies a scenario in the full simulator, as described at [`super::hold()`]. Returns an error if
+/// the options are invalid or the drone is lost.
 pub(super) fn hold(
     believed: &SimOptions,
     scenario: HoldScenario,
@@ -40,8 +41,9 @@ pub(super) fn hold(
     Ok(Hold { set_m: SET_M, samples, steps: n_steps })
 }
 
-/// Returns the true states, in the order of [`AltitudeState`](noctograph_sim::AltitudeState). The
-/// floor is taken where the tilted ranger points. A steady draft is part of α⁰.
+/// Returns the true states, in the order and the units of
+/// [`AltitudeState`](noctograph_sim::AltitudeState). The floor is taken where the tilted ranger
+/// points. A steady draft is part of α⁰. `barometer_m` is the true bias of the barometer.
 fn truth(plant: &Plant, actual: &SimOptions, barometer_m: f64) -> [f64; 6] {
     let (body, vehicle) = (plant.body(), &actual.vehicle);
     let (position_m, down) = (body.position_m, -body.matrix().column(2));
@@ -52,7 +54,8 @@ fn truth(plant: &Plant, actual: &SimOptions, barometer_m: f64) -> [f64; 6] {
     [z_m, v_m_s, offset_m_s2, plant.gain_m_s2(), ranger_m, barometer_m]
 }
 
-/// Returns a plan along x at constant speed, with one setpoint per second.
+/// Returns a plan along x at [`SPEED_M_S`] and the altitude [`SET_M`], with one setpoint per second
+/// and one at the end.
 fn level_flight(duration_s: f64) -> Plan {
     let seconds = (0..3600).map(f64::from).take_while(|time_s| *time_s < duration_s);
     let setpoints = seconds.chain([duration_s]).map(|time_s| Setpoint {

@@ -162,7 +162,8 @@ impl Hold {
 }
 
 impl HoldSample {
-    /// Creates a sample with the filter's estimates and standard deviations.
+    /// Creates a sample with the filter's estimates and standard deviations. `truth` contains the
+    /// true states, and `throttle` is the commanded fraction of full thrust.
     fn new(
         time_s: f64,
         truth: [f64; 6],

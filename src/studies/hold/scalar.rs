@@ -16,7 +16,8 @@ const TRUTH_HZ: u32 = 100;
 /// Standard deviation of the barometer's initial bias, m.
 const BAROMETER_BIAS_M: f64 = 0.3;
 
-/// Flies a scenario as described at [`super::hold()`].
+/// Flies a scenario in the scalar model of vertical motion, as described at [`super::hold()`].
+/// Returns an error if the options give no altitude controller.
 pub(super) fn hold(
     options: &SimOptions,
     scenario: HoldScenario,
@@ -86,7 +87,8 @@ struct Truth<'a> {
 }
 
 impl<'a> Truth<'a> {
-    /// Creates the drone at the set altitude, with its gain, offset and bias drawn from the seed.
+    /// Creates the drone at rest at the set altitude. Its gain, offset and barometer bias are drawn
+    /// from the seed.
     fn new(options: &'a SimOptions, scenario: HoldScenario, seed: u64) -> Self {
         // The full simulator uses the same random stream, so that both models fly the same drone.
         let mut drawn = Noise::new(seed, 0, DRONE);
@@ -111,7 +113,8 @@ impl<'a> Truth<'a> {
         self.full_gain * self.scenario.lift_frac(time_s)
     }
 
-    /// Returns the true values of the altitude filter's states, in the order of [`AltitudeState`].
+    /// Returns the true values of the altitude filter's states, in the order and the units of
+    /// [`AltitudeState`].
     fn states(&self, time_s: f64) -> [f64; 6] {
         let drift_m_s = self.options.sensors.barometer.drift_m_s + self.scenario.drift_m_s();
         let barometer_m = self.barometer_m + drift_m_s * time_s;
@@ -119,7 +122,8 @@ impl<'a> Truth<'a> {
         [self.altitude_m, self.velocity_m_s, self.offset, gain, -floor_m, barometer_m]
     }
 
-    /// Returns a sensor's reading, whose error is `error` standard deviations.
+    /// Returns a sensor's reading in m, relative to the sensor's own reference. `error` is its
+    /// random error in standard deviations.
     fn measured_m(&self, sensor: AltitudeSensor, time_s: f64, error: f64) -> f64 {
         let [z, _, _, _, ranger_m, barometer_m] = self.states(time_s);
         let sensors = &self.options.sensors;
@@ -130,7 +134,8 @@ impl<'a> Truth<'a> {
         }
     }
 
-    /// Advances the vertical motion by one time step.
+    /// Advances the vertical motion by one time step of the truth, at `time_s` of the flight.
+    /// `throttle` is the commanded fraction of full thrust.
     fn step(&mut self, throttle: f64, time_s: f64) {
         let (dt, vehicle) = (1.0 / f64::from(TRUTH_HZ), &self.options.vehicle);
         let lag_s = 0.5 * (vehicle.motor_rise_s + vehicle.motor_fall_s);

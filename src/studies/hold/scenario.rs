@@ -149,7 +149,8 @@ fn drain(options: &mut SimOptions) {
     };
 }
 
-/// Returns the full thrust, given an open-circuit voltage and a current.
+/// Returns the full thrust in N, given an open-circuit voltage and a current. The voltage at the
+/// motors is lower by the drop across the battery's resistance.
 fn lift_n(battery: &BatteryOptions, open_v: f64, current_a: f64) -> f64 {
     let [a, b, c, d] = battery.thrust_from_v_n;
     let v = open_v - battery.resistance_ohm * current_a;

@@ -18,10 +18,17 @@ const MARGIN_PX: f64 = 56.0;
 const LEGEND_PX: f64 = 130.0;
 /// Cap height.
 const CAP_PX: f64 = 9.0;
+/// Radius of an anchor's dot, and width of a lit stroke.
+const ANCHOR_PX: f64 = 6.0;
+const STROKE_PX: f64 = 6.0;
+/// Distance of anchors below which their labels would overlap, and distance of stacked labels.
+const NEAR_PX: f64 = 80.0;
+const LINE_PX: f64 = 16.0;
 /// Time step along the drawn path.
 const STEP_S: f64 = 0.05;
 
-/// Returns a square window around points in meters, whose left edge is at `left_px`.
+/// Returns a square window around points in m, whose left edge is at `left_px`. All windows have
+/// the same size in pixels.
 fn view(points: impl IntoIterator<Item = [f64; 2]>, left_px: f64) -> Window {
     let [left, bottom, right, top] = geometry::bounds(points);
     // The window spans at least 0.1 m, because a single point has no extent.
@@ -36,8 +43,8 @@ fn anchor(view: &Window, x_px: f64) -> Anchor {
     if x_px > view.corner_px.x + 0.5 * VIEW_PX { Anchor::End } else { Anchor::Start }
 }
 
-/// Returns an SVG of all drones' strokes colored by the bound, beside a top view of the anchors
-/// that marks the best position for an additional one.
+/// Returns an SVG of all drones' strokes colored by the bound, beside a top view of the anchors.
+/// The view marks `one_more_m`, the best position for an additional anchor.
 pub fn bound_map(
     plans: &[&Plan],
     bounds: &[Bound],
@@ -72,7 +79,8 @@ pub fn bound_map(
     canvas.svg()
 }
 
-/// Returns the range of the bound over lit strokes, which the colors represent.
+/// Returns the range in m of the bound over lit strokes, which the colors represent. Returns 0 to 1
+/// if nothing is lit.
 fn lit_m(bounds: &[Bound]) -> Range<f64> {
     let samples = bounds.iter().flat_map(|bound| bound.sigma_m.iter().zip(&bound.letter));
     let lit_m = range(samples.filter_map(|(sigma_m, letter)| letter.and(Some(*sigma_m))));
@@ -105,7 +113,7 @@ fn draw_strokes(
         if let Some(from) = last {
             let fraction = (sigma_m - lit_m.start) / (lit_m.end - lit_m.start).max(1e-6);
             let pen = match letter {
-                Some(_) => Pen::new(viridis(fraction), 6.0),
+                Some(_) => Pen::new(viridis(fraction), STROKE_PX),
                 None => Pen::new([221; 3], 1.0),
             };
             canvas.line([from, point], pen);
@@ -114,7 +122,8 @@ fn draw_strokes(
     }
 }
 
-/// Draws the anchors from above, each with its height and the number of drones that receive it.
+/// Draws the anchors from above, each with the number of drones that receive it and its height in
+/// m.
 fn draw_anchors(canvas: &mut Canvas, above: &Window, uwb: &UwbOptions, n_drones: usize) {
     let mut drawn: Vec<Point> = Vec::new();
     for (index, [x_m, y_m, z_m]) in uwb.anchors_m.iter().enumerate() {
@@ -122,10 +131,12 @@ fn draw_anchors(canvas: &mut Canvas, above: &Window, uwb: &UwbOptions, n_drones:
         let n_hear = uwb.heard.iter().filter(|heard| heard.contains(&index)).count();
         let is_heard_by_all = uwb.heard.is_empty() || n_hear == n_drones;
         let by = if is_heard_by_all { "all".to_owned() } else { n_hear.to_string() };
-        // Labels of anchors within 80 pixels of each other, such as those on one pole, are stacked.
-        let line = drawn.iter().filter(|other| (**other - center).hypot2() < 80.0 * 80.0).count();
-        let down_px = if line == 0 { -10.0 } else { 4.0 + 16.0 * line as f64 };
-        canvas.dot(center, 6.0, BLUE);
+        // Labels of anchors near each other, such as those on one pole, are stacked. The first is
+        // above the dot, and the others are below it.
+        let is_near = |other: &&Point| (**other - center).hypot2() < NEAR_PX * NEAR_PX;
+        let line = drawn.iter().filter(is_near).count();
+        let down_px = if line == 0 { -10.0 } else { 4.0 + LINE_PX * line as f64 };
+        canvas.dot(center, ANCHOR_PX, BLUE);
         let text = format!("{index}: z {z_m:.1} m, heard by {by}");
         let label = center + Vec2::new(0.0, down_px);
         canvas.text(text, label, anchor(above, center.x), CAP_PX, [0; 3]);
@@ -133,7 +144,8 @@ fn draw_anchors(canvas: &mut Canvas, above: &Window, uwb: &UwbOptions, n_drones:
     }
 }
 
-/// Draws the color legend in centimeters.
+/// Draws the legend, which lists six colors with their σ in centimeters. `lit_m` is the range that
+/// the colors represent.
 fn draw_legend(canvas: &mut Canvas, lit_m: &Range<f64>) {
     let x = 3.0 * MARGIN_PX + 2.0 * VIEW_PX - 20.0;
     label(canvas, Point::new(x, MARGIN_PX), "1 \u{3c3} over 3 axes");

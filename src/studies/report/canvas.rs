@@ -100,7 +100,7 @@ impl Window {
 pub(super) struct Canvas(String);
 
 impl Canvas {
-    /// Creates a white canvas whose sides are rounded up to whole pixels.
+    /// Creates a white canvas of a width and a height, which are rounded up to whole pixels.
     pub(super) fn white(size_px: [f64; 2]) -> Self {
         #[expect(clippy::cast_possible_truncation, reason = "thousands")]
         let size_px = size_px.map(|side| side.ceil() as u32);
@@ -132,7 +132,8 @@ impl Canvas {
         self.line(corners.map(Point::from), pen);
     }
 
-    /// Draws a rectangle without antialiasing, which would leave gaps between neighbors.
+    /// Draws a filled rectangle, in pixels, without antialiasing, which would leave gaps between
+    /// neighbors.
     pub(super) fn cell(&mut self, rect: Rect, color: Rgb) {
         let (Rect { x0, y0, .. }, width, height) = (rect, rect.width(), rect.height());
         self.0 += &format!(
@@ -281,7 +282,7 @@ impl Surface for Pixels {
     }
 }
 
-/// Returns an opaque paint of a color.
+/// Returns an opaque paint of an sRGB color.
 fn paint([r, g, b]: Rgb) -> Paint<'static> {
     let mut paint = Paint::default();
     paint.set_color_rgba8(r, g, b, 255);

@@ -14,8 +14,18 @@ const AXIS_PX: f64 = 540.0;
 const MARGINS_PX: [f64; 4] = [60.0, 56.0, 52.0, 190.0];
 /// Minimum width of the drawing, which the title requires.
 const TITLE_PX: f64 = 580.0;
-/// Cap height.
+/// Cap height, and that of the title.
 const CAP_PX: f64 = 9.0;
+const TITLE_CAP_PX: f64 = 11.0;
+/// Distance of the title's baseline from the upper edge.
+const TITLE_DOWN_PX: f64 = 26.0;
+/// Height of the legend with its margin below, and its distance from the map.
+const LEGEND_PX: f64 = 220.0;
+const LEGEND_GAP_PX: f64 = 24.0;
+/// Length of a tick.
+const TICK_PX: f64 = 5.0;
+/// Side of a color's square in the legend.
+const SWATCH_PX: f64 = 18.0;
 /// Five colors of the viridis map (van der Walt, Smith 2015), from small to large errors.
 const VIRIDIS: [[f64; 3]; 5] = [
     [68.0, 1.0, 84.0],
@@ -27,27 +37,28 @@ const VIRIDIS: [[f64; 3]; 5] = [
 const ONE_STATION: Rgb = [184; 3];
 const NO_STATION: Rgb = [90; 3];
 
-/// Returns an SVG of a coverage map, with a frame around the word if its bounds are given.
+/// Returns an SVG of a coverage map, with a frame around the word. `word_m` contains the word's
+/// bounds (left, bottom, right, top).
 pub fn coverage_map(grid: &Coverage, word_m: Option<[f64; 4]>) -> String {
     let map = Map::new(grid);
     let frame = map.window.rect_px(map.extent_m);
     let [left, above, below, beside] = MARGINS_PX;
     // The legend may be taller than the map.
-    let size_px = [(frame.x1 + beside).max(TITLE_PX), (frame.y1 + below).max(above + 220.0)];
+    let size_px = [(frame.x1 + beside).max(TITLE_PX), (frame.y1 + below).max(above + LEGEND_PX)];
     let mut canvas = Canvas::white(size_px);
     let title = format!(
         "Lighthouse coverage at y = {:.2} m: {:.1} % seen by two or more stations",
         grid.y_m,
         100.0 * grid.seen_frac()
     );
-    canvas.text(title, Point::new(left, 26.0), Anchor::Start, 11.0, BLACK);
+    canvas.text(title, Point::new(left, TITLE_DOWN_PX), Anchor::Start, TITLE_CAP_PX, BLACK);
     map.draw_cells(&mut canvas);
     if let Some([left, bottom, right, top]) = word_m {
         let pen = Pen { dashed: true, ..Pen::new([255; 3], 2.0) };
         canvas.frame(map.window.rect_px(Rect::new(left, bottom, right, top)), pen);
     }
     map.draw_axes(&mut canvas, frame);
-    map.draw_legend(&mut canvas, Point::new(frame.x1 + 24.0, above));
+    map.draw_legend(&mut canvas, Point::new(frame.x1 + LEGEND_GAP_PX, above));
     canvas.svg()
 }
 
@@ -63,7 +74,9 @@ struct Map<'a> {
 }
 
 impl<'a> Map<'a> {
-    /// Creates the map below the title and to the right of the axis.
+    /// Creates the map below the title and to the right of the axis. The colors represent the
+    /// errors from the least to the 95 % quantile, so that a few large errors do not darken the
+    /// rest.
     fn new(grid: &'a Coverage) -> Self {
         let sorted_m = grid.errors_m();
         let color_ends_m = sorted_m.first().zip(sorted_m.get(sorted_m.len() * 95 / 100));
@@ -116,13 +129,13 @@ impl<'a> Map<'a> {
         let Rect { x0, y0, x1, y1 } = self.extent_m;
         for x_m in ticks(&(x0..x1), AXIS_PX) {
             let end = Point::new(self.window.px(Point::new(x_m, 0.0)).x, bottom);
-            canvas.line([end, end + Vec2::new(0.0, 5.0)], pen);
+            canvas.line([end, end + Vec2::new(0.0, TICK_PX)], pen);
             let label = end + Vec2::new(0.0, 19.0);
             canvas.text(number(x_m), label, Anchor::Middle, CAP_PX, BLACK);
         }
         for z_m in ticks(&(y0..y1), AXIS_PX) {
             let end = Point::new(left, self.window.px(Point::new(0.0, z_m)).y);
-            canvas.line([end, end - Vec2::new(5.0, 0.0)], pen);
+            canvas.line([end, end - Vec2::new(TICK_PX, 0.0)], pen);
             canvas.text(number(z_m), end + Vec2::new(-9.0, 4.5), Anchor::End, CAP_PX, BLACK);
         }
         let [below, beside] =
@@ -141,14 +154,14 @@ impl<'a> Map<'a> {
             let fraction = f64::from(step) / 6.0;
             let error_mm = 1e3 * (least + fraction * (most - least));
             let and_more = if step == 6 { " and more" } else { "" };
-            let down_px = 22.0 + 18.0 * f64::from(step);
+            let down_px = 22.0 + SWATCH_PX * f64::from(step);
             (down_px, viridis(fraction), format!("{error_mm:.1} mm{and_more}"))
         });
         let stations = [(160.0, ONE_STATION, "one station"), (184.0, NO_STATION, "no station")];
         let stations = stations.map(|(down_px, color, text)| (down_px, color, text.to_owned()));
         for (down_px, color, text) in errors.chain(stations) {
             let swatch = corner + Vec2::new(0.0, down_px);
-            canvas.cell(Rect::from_origin_size(swatch, (18.0, 18.0)), color);
+            canvas.cell(Rect::from_origin_size(swatch, (SWATCH_PX, SWATCH_PX)), color);
             let label = swatch + Vec2::new(26.0, 14.0);
             canvas.text(text, label, Anchor::Start, CAP_PX, BLACK);
         }
@@ -161,7 +174,8 @@ fn edges_m(places_m: &[f64], first: usize, last: usize) -> [f64; 2] {
         .map(|(i, j)| 0.5 * (places_m[i] + places_m[j]))
 }
 
-/// Returns the color of the viridis map at a fraction, from dark (0) to light (1).
+/// Returns the sRGB color of the viridis map at a fraction, from dark (0) to light (1). A fraction
+/// out of range is limited to it.
 pub(super) fn viridis(fraction: f64) -> Rgb {
     let place = fraction.clamp(0.0, 1.0) * 4.0;
     #[expect(clippy::cast_possible_truncation, reason = "0 to 3")]

@@ -61,7 +61,7 @@ impl Curve {
         Self { pen, pieces: vec![points.into_iter().collect()] }
     }
 
-    /// Returns the points of all pieces.
+    /// Returns the points `(x, y)` of all pieces, in the units of the axes.
     pub(super) fn points(&self) -> impl Iterator<Item = (f64, f64)> + Clone {
         self.pieces.iter().flatten().copied()
     }
@@ -81,7 +81,8 @@ pub(super) struct Panel {
 }
 
 impl Panel {
-    /// Creates a panel without marks.
+    /// Creates a panel without marks. `x` and `y` are the ranges of its axes, in the units of its
+    /// curves.
     pub(super) fn new(
         [x, y]: [Range<f64>; 2],
         height_px: f64,
@@ -146,7 +147,8 @@ impl Figure {
         text(canvas, &title, left, Anchor::Start, em_px);
     }
 
-    /// Returns the left end and the row of each legend entry, and the total number of rows.
+    /// Returns the left end in pixels and the row of each legend entry, counted from 0, and the
+    /// total number of rows.
     fn legend_places(&self) -> (Vec<(f64, u32)>, u32) {
         let (mut left_px, mut row) = (SIDES_PX[0], 0);
         let mut places = Vec::new();

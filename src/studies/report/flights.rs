@@ -132,7 +132,8 @@ fn battery_v(flight: &Flight, row: usize) -> Option<f64> {
     flight.extra.get(BATTERY_V)?.get(row).copied()
 }
 
-/// Returns the pen for the flight with the given index.
+/// Returns the pen for the flight with the given index: blue for the first, vermilion for the
+/// second, and so on.
 fn pen(index: usize) -> Pen {
     Pen::new([BLUE, VERMILION][index % 2], 1.75)
 }
@@ -166,6 +167,7 @@ pub(super) struct View {
 
 impl View {
     /// Creates a view of all flights over the first design. The first flight is drawn on top.
+    /// `project` maps a position in m to the axes of the view.
     fn new(traces: &[NamedFlight], project: impl Fn(nalgebra::Vector3<f64>) -> (f64, f64)) -> Self {
         let mut view = Self::default();
         if let Some(trace) = traces.iter().find(|trace| trace.has_design()) {
@@ -208,7 +210,8 @@ impl View {
     }
 }
 
-/// Returns a range with the same center and a length of at least `least`.
+/// Returns a range with the same center and a length of at least `least`, both in the unit of the
+/// axis.
 fn widened(range: Range<f64>, least: f64) -> Range<f64> {
     let (middle, length) = (0.5 * (range.start + range.end), range.end - range.start);
     let half = 0.5 * length.max(least);

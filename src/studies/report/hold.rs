@@ -66,12 +66,13 @@ pub fn hold_figure(flight: &Hold, title: &str) -> String {
     .svg()
 }
 
-/// Returns the curve of a value over time.
+/// Returns the curve of a value over time in s.
 fn curve(flight: &Hold, pen: Pen, value: impl Fn(&HoldSample) -> f64) -> Curve {
     Curve::whole(pen, flight.samples.iter().map(|s| (s.time_s, value(s))))
 }
 
-/// Returns the curves of a state: its band, its true value and its estimate.
+/// Returns the curves of a state over time in s: its band of two standard deviations, its true
+/// value and its estimate. `index` is that of the state in a sample.
 fn state(flight: &Hold, index: usize, pen: Pen) -> Vec<Curve> {
     vec![
         curve(flight, BAND, |s| s.estimate[index] + 2.0 * s.sigma[index]),

@@ -109,6 +109,8 @@ impl Page {
         self.figures("pair", pictures.iter().map(|(jpeg, caption)| (*jpeg, &**caption)))
     }
 
+    /// Appends photos side by side, each a JPEG with its caption, in a block of the style `class`.
+    /// The caption is also the text for readers that show no images.
     fn figures<'a>(self, class: &str, photos: impl Iterator<Item = (&'a [u8], &'a str)>) -> Self {
         let figures = photos.map(|(jpeg, caption)| {
             let caption = escaped(caption);

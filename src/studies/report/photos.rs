@@ -20,8 +20,8 @@ pub struct Similarity {
 }
 
 impl Similarity {
-    /// Returns the least-squares transform between pairs of points (Umeyama, IEEE Transactions on
-    /// Pattern Analysis 13, 1991).
+    /// Returns the least-squares transform between pairs of points `[from, to]` in pixels (Umeyama,
+    /// IEEE Transactions on Pattern Analysis 13, 1991).
     pub fn between(pairs: &[[[f64; 2]; 2]]) -> Self {
         let pairs = pairs.iter().map(|pair| pair.map(|[x, y]| Vec2::new(x, y)));
         let n = pairs.len().max(1) as f64;
@@ -41,7 +41,7 @@ impl Similarity {
         Self { scale, rotation_rad, shift_px: [to.x - x, to.y - y] }
     }
 
-    /// Maps a point.
+    /// Returns the image of a point of the first photo, in pixels of the second.
     pub fn apply(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let (sin, cos) = libm::sincos(self.rotation_rad);
         let (a, b) = (self.scale * cos, self.scale * sin);
@@ -145,7 +145,8 @@ pub fn placed(
     (Photo::made(PhotoData { width_px, height_px, rgb8, scene_toml: None }), covered)
 }
 
-/// Returns the two pixels around a coordinate on a side of `n` pixels, and the second's weight.
+/// Returns the two pixels around a coordinate on a side of `n` pixels, and the second's weight from
+/// 0 to 1. The first pixel is centered at 0.5.
 fn between(coordinate: f64, n: f64) -> ([usize; 2], f32) {
     let place = (coordinate - 0.5).clamp(0.0, n - 1.0);
     let first = place.floor();
@@ -170,7 +171,8 @@ pub fn overlay(render: &Photo, photo: &Photo) -> Photo {
     Photo::made(PhotoData { rgb8: rgb8.collect(), scene_toml: None, ..**photo })
 }
 
-/// Returns the sRGB level closest to a linear light value from 0 to 1.
+/// Returns the sRGB level from 0 to 255 closest to a linear light value. Light out of 0 to 1 is
+/// limited to it.
 #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
 fn encoded(light: f32) -> u8 {
     (255.0 * srgb::encoded_from_linear(f64::from(light.clamp(0.0, 1.0))) + 0.5) as u8

@@ -89,12 +89,13 @@ fn tripods(placement: &ShotPlan) -> Vec<Thing> {
     things.collect()
 }
 
-/// Rounds a position to centimeters. Adding 0 turns negative zero into positive zero.
+/// Rounds a position in m to centimeters. Adding 0 turns negative zero into positive zero.
 fn rounded(place_m: [f64; 3]) -> [f64; 3] {
     place_m.map(|m| (100.0 * m).round() / 100.0 + 0.0)
 }
 
-/// Returns an SVG of the plan from one side. `axes` are the coordinates that point right and up.
+/// Returns an SVG of the plan from one side. `from` names the side in the image's text. `axes` are
+/// the coordinates that point right and up (0 to 2 for x to z), and `names` are their labels.
 fn view(things: &[Thing], from: &str, axes: [usize; 2], names: [&str; 2]) -> String {
     let places = things.iter().flat_map(|(.., places_m)| places_m);
     let places = places.map(|place| axes.map(|axis| place[axis]));

@@ -89,8 +89,9 @@ fn lines(plan: &Plan) -> Vec<Line> {
     [segment_lines(plan, &lit), dots(plan, &lit)].concat()
 }
 
-/// Returns the lines between consecutive setpoints. A lit segment becomes one line, and a dark one
-/// is divided into lines that are half as long as a dash with its gap.
+/// Returns the lines between consecutive setpoints. `lit` contains the lamp level of each setpoint.
+/// A lit segment becomes one line, and a dark one is divided into lines that are half as long as a
+/// dash with its gap. A drone at rest draws nothing.
 fn segment_lines(plan: &Plan, lit: &[f64]) -> Vec<Line> {
     let (mut lines, mut segment_along_m) = (Vec::new(), 0.0);
     for (row, pair) in plan.setpoints.windows(2).enumerate() {
@@ -130,7 +131,8 @@ fn dots(plan: &Plan, lit: &[f64]) -> Vec<Line> {
     lines
 }
 
-/// Joins consecutive lines into the pieces of a curve.
+/// Joins lines into the pieces of a curve, each a list of points `(x, z)` in m. A line that does
+/// not begin where the last one ended begins a new piece.
 fn pieces<'a>(lines: impl Iterator<Item = &'a Line>) -> Vec<Vec<(f64, f64)>> {
     let mut pieces: Vec<Vec<(f64, f64)>> = Vec::new();
     for line in lines {
@@ -143,6 +145,7 @@ fn pieces<'a>(lines: impl Iterator<Item = &'a Line>) -> Vec<Vec<(f64, f64)>> {
 }
 
 /// Returns marks with the start times of strokes, and marks at the start and end of the flight.
+/// `index` is that of the drone among `n_plans`, and is shown if there are several.
 fn marks(plan: &Plan, index: usize, n_plans: usize) -> Vec<Mark> {
     let lit = plan.lit();
     let drone = if n_plans > 1 { format!("{}: ", index + 1) } else { String::new() };

@@ -98,7 +98,7 @@ pub fn spread_sheet(title: &str, photos: &[(Photo, String)]) -> Photo {
     )
 }
 
-/// Lays out rows of photos, with a title above each row and a caption below each photo.
+/// Returns an image of rows of photos, with a title above each row and a caption below each photo.
 fn contact_sheet(rows: &[Row]) -> Photo {
     // The width is that of the widest row. Each row is a photo and two lines of text high.
     let widths = rows.iter().map(|(_, photos)| {

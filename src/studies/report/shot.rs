@@ -57,7 +57,8 @@ pub struct FlownNotes {
     pub rows: Vec<[String; 7]>,
 }
 
-/// Returns the report of a shot.
+/// Returns the report of a shot. `notes` are the texts that only the caller knows. Returns the
+/// errors of [`Shot::moments`].
 pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
     let scene = &shot.shoot.scene;
     let drawing = Path::new(&scene.letters.drawing).file_stem().unwrap_or_default();
@@ -154,7 +155,8 @@ fn flight_section(mut page: Page, shot: &Shot, notes: &ShotNotes<'_>) -> Page {
     page.section("Flight").paths(&paths(shot)).drawings(&drawings)
 }
 
-/// Returns all drones' paths in millimeters. A point is lit if a writing lamp of its drone is lit.
+/// Returns all drones' paths, each a list of points in integer millimeters of the world frame. The
+/// boolean is true if a writing lamp of the drone is lit at the point.
 fn paths(shot: &Shot) -> Vec<Vec<([i32; 3], bool)>> {
     let n_samples: usize = shot.flights.iter().map(|flight| flight.samples.len()).sum();
     // Samples are skipped to keep the page small.
@@ -179,7 +181,8 @@ fn is_lit(lamp: &Lamp, time_s: f64) -> bool {
     next > 0 && lamp.samples[next - 1].level > 0.0
 }
 
-/// Returns table rows with the camera settings that a photographer enters by hand.
+/// Returns table rows with the camera settings that a photographer enters by hand, as pairs of a
+/// name and a value with its unit.
 fn camera(shot: &Shot) -> Vec<[String; 2]> {
     let camera = &shot.camera;
     // Without a given focus distance, the lens is focused on the word's plane.

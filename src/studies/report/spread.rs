@@ -30,7 +30,8 @@ pub fn spread_front(spread: &Spread) -> String {
         .svg_from_front("Front view of the flights under varied conditions")
 }
 
-/// Returns the segments of a flight in which a light is commanded, projected by `place`.
+/// Returns the pieces of a flight in which a light is commanded, each a list of points projected by
+/// `place`.
 fn lit(flight: &Flight, place: impl Fn(&FlightSample) -> (f64, f64)) -> Vec<Vec<(f64, f64)>> {
     let rows = flight.samples.iter().enumerate().map(|(index, sample)| {
         (flight.lights.values().any(|levels| levels[index] > 0.0), place(sample))

@@ -54,7 +54,8 @@ pub fn pareto(
     .svg()
 }
 
-/// Returns a cross at each point, with half sides of `size` times `x` and `y`.
+/// Returns a cross at each point. Its half width is `size · x` and its half height `size · y`, in
+/// the units of the axes.
 fn crosses(pen: Pen, points: &[(f64, f64)], (x, y): (f64, f64), size: f64) -> Curve {
     let (dx, dy) = (x * size, y * size);
     let strokes = points.iter().flat_map(|&(s, p)| {

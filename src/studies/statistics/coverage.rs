@@ -61,7 +61,8 @@ fn intervals_of_skewed_probabilities_hold_their_mean_as_often_as_they_say() {
     }
 }
 
-/// Returns a scene whose difficulty is set by cap height and stroke speed.
+/// Returns a scene whose difficulty is set by cap height and stroke speed. Smaller and faster
+/// letters are harder to read.
 fn contender(name: &str, kind: ControllerKind, cap_height_m: f64, speed_m_s: f64) -> NamedScene {
     let mut scene = Scene::preset(Preset::CfBrushless);
     scene.controller.kind = kind;
@@ -87,7 +88,8 @@ const FEWER_STUDIES: u32 = 500;
 
 const NUMBERS: [u32; 7] = [6, 10, 20, 50, 100, 200, 500];
 
-/// Returns the cells of a row: how often, in percent, an interval contains the true value.
+/// Returns the cells of a row, one per number of flights in [`NUMBERS`]: how often, in percent, an
+/// interval contains the true value, lies below it, or lies above it.
 fn cells(values: &[f64], truth: f64, n_studies: u32, interval: Interval<'_>) -> String {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count")]
     let law = |u: f64| values[(u * values.len() as f64) as usize];
@@ -99,7 +101,7 @@ fn cells(values: &[f64], truth: f64, n_studies: u32, interval: Interval<'_>) -> 
     cells.join(" | ")
 }
 
-/// Prints a row of a table.
+/// Prints a row of a table: the name, the true value, the standard deviation, and the [`cells`].
 fn row(name: &str, values: &[f64], truth: f64, n_studies: u32, interval: Interval<'_>) {
     let sigma = standard_error(values) * (values.len() as f64).sqrt();
     println!(
@@ -138,7 +140,8 @@ fn center_of_differences(strata: &[Vec<f64>]) -> Estimate {
     center(&strata.concat(), LEVEL).unwrap()
 }
 
-/// Returns the mean of the lowest tenth of many values, whose number need not be divisible by 10.
+/// Returns the mean of the lowest tenth of many values. A value that is only partly within the
+/// tenth counts by that part.
 fn tail(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);

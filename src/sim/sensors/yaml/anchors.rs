@@ -7,6 +7,7 @@ use serde::Deserialize;
 use serde_saphyr::Spanned;
 
 use super::from_yaml;
+use crate::vehicle::MAX_COORDINATE_M;
 use noctograph_core::error::{Result, within};
 use noctograph_core::files::Limit;
 use noctograph_core::input_error;
@@ -37,7 +38,8 @@ pub fn read_anchors(path: &Path) -> Result<Vec<[f64; 3]>> {
     parse(&LIMIT.read_text(path)?, &path.display().to_string())
 }
 
-/// Parses the text of an anchor file. `file` is the file's name in messages.
+/// Parses the text of an anchor file. Returns the anchors' positions in m in the order of their
+/// keys, which must be 0, 1, 2 and so on. `file` is the file's name in messages.
 fn parse(yaml: &str, file: &str) -> Result<Vec<[f64; 3]>> {
     let anchors: BTreeMap<u8, Spanned<Anchor>> = from_yaml(yaml, file, HINT)?;
     let mut places_m: Vec<[f64; 3]> = Vec::new();
@@ -48,7 +50,8 @@ fn parse(yaml: &str, file: &str) -> Result<Vec<[f64; 3]>> {
         }
         let place_m = [value.x, value.y, value.z];
         for (name, coordinate_m) in ["x", "y", "z"].into_iter().zip(place_m) {
-            within(&format!("{place}, {name}"), coordinate_m, -1e4, 1e4)?;
+            let range_m = [-MAX_COORDINATE_M, MAX_COORDINATE_M];
+            within(&format!("{place}, {name}"), coordinate_m, range_m[0], range_m[1])?;
         }
         if let Some(first) = places_m.iter().position(|other_m| *other_m == place_m) {
             return Err(input_error!(

@@ -18,6 +18,7 @@ use serde_saphyr::Spanned;
 
 use super::super::{Generation, Station};
 use super::from_yaml;
+use crate::vehicle::MAX_COORDINATE_M;
 use noctograph_core::diagnostic::{Diagnostic, Warned};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Limit;
@@ -75,7 +76,8 @@ pub fn read_lighthouse_config(path: &Path) -> Result<Warned<Vec<Station>>> {
     parse(&LIMIT.read_text(path)?, &path.display().to_string())
 }
 
-/// Reads the text of a configuration. `file` is the file's name in messages.
+/// Parses the text of a configuration. Returns the stations with a geometry, and warnings about
+/// keys and calibrations that have no effect. `file` is the file's name in messages.
 fn parse(yaml: &str, file: &str) -> Result<Warned<Vec<Station>>> {
     // All keys are read first, so that unknown keys are always reported, and then the known keys.
     let keys: Keys = from_yaml(yaml, file, HINT)?;
@@ -118,13 +120,14 @@ fn check_value(key: &str, value: &Spanned<String>, wanted: &[&str], file: &str) 
     Err(error.in_file(file, value.referenced.line()))
 }
 
-/// Creates a station from its geometry. Returns an error for an impossible position or rotation.
+/// Creates station `id` from its geometry. Returns an error with the line for an impossible
+/// position or rotation.
 fn station(generation: Generation, geometry: &Geometry, file: &str, id: u8) -> Result<Station> {
     let refused = |line: u64, key: &str, value: String, wanted: &str| {
         Err(Error::input(format!("geos.{id}.{key}"), value, wanted, HINT).in_file(file, line))
     };
     let position_m = geometry.origin.value;
-    if !position_m.iter().all(|x| x.abs() <= 1e4) {
+    if !position_m.iter().all(|x| x.abs() <= MAX_COORDINATE_M) {
         let line = geometry.origin.referenced.line();
         return refused(line, "origin", format!("{position_m:?}"), "meters within ±1e4");
     }
@@ -138,7 +141,7 @@ fn station(generation: Generation, geometry: &Geometry, file: &str, id: u8) -> R
     Ok(station_from_rotation(generation, position_m, &rotation))
 }
 
-/// Creates a station from the rotation from its frame to the world frame.
+/// Creates a station from its position in m and the rotation from its frame to the world frame.
 fn station_from_rotation(
     generation: Generation,
     position_m: [f64; 3],
