@@ -32,8 +32,8 @@ pub fn weighted_quantile(pairs: &mut [(f64, f64)], fraction: f64) -> Option<f64>
 
 /// Sorts values by a number, in the total order of IEEE 754. Equal numbers keep their order.
 ///
-/// Values of all types share the code that sorts, which would otherwise be a tenth of the page's
-/// module.
+/// All types of values are sorted by the same code. Sorts of their own would be a fiftieth of the
+/// page's module.
 pub fn sort_by_number<T>(values: &mut [T], number: impl Fn(&T) -> f64) {
     let numbers = values.iter().enumerate().map(|(index, value)| (number(value), index));
     let mut order: Vec<(f64, usize)> = numbers.collect();

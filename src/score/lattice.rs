@@ -7,7 +7,7 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
+use noctograph_core::parallel::prelude::*;
 
 use super::alphabet::{BLANK, Classes, NO_LETTER, names, with_case_of};
 use super::net::{self, N_CLASSES};
