@@ -55,9 +55,9 @@ class Firefox:
     def open(self, url):
         self._say("WebDriver:Navigate", url=url)
 
-    def until(self, expression, what):
-        """Waits for an expression of the page to be true, and returns its value."""
-        end = time.monotonic() + self.patience_s
+    def until(self, expression, what, n_jobs=1):
+        """Waits for an expression of the page to be true, which takes `n_jobs` jobs, and returns its value."""
+        end = time.monotonic() + n_jobs * self.patience_s
         while not (value := self._say("WebDriver:ExecuteScript", script=f"return {expression}", args=[])["value"]):
             assert time.monotonic() < end, f"not within {self.patience_s} s in Firefox: {what}"
             time.sleep(0.1)

@@ -10,9 +10,9 @@ Marks are left out; words of 2 to 10 letters count.
 
 The file has -20 ln p of each letter after each two, a byte each, in the order of the alphabet after the blank, which
 is the begin and the end of a word; then the runs of four and five letters whose own probability says most, their
-number first (u32): their letters as a number of base 27, three bytes, in order, and then their -20 ln p, a byte
-each. A run that is not there has the probability of the shorter one times BACKOFF. The probabilities are interpolated
-with those of shorter runs (Witten and Bell 1991).
+number first (u32): their letters as a number of base 27, in order, each as the distance from the one before (LEB128),
+and then their -20 ln p, a byte each. A run that is not there has the probability of the shorter one times BACKOFF. The
+probabilities are interpolated with those of shorter runs (Witten and Bell 1991).
 """
 
 import collections
@@ -81,14 +81,34 @@ def number(run):
     return functools.reduce(lambda sum, letter: 27 * sum + LETTERS.index(letter), run, 0)
 
 
+def distances(numbers):
+    """Sorted numbers as bytes: the distance of each from the one before, seven bits a byte (LEB128)."""
+    out = bytearray()
+    for before, number in zip([0, *numbers], numbers):
+        distance = number - before
+        while distance > 127:
+            out.append(128 | distance & 127)
+            distance >>= 7
+        out.append(distance)
+    return bytes(out)
+
+
 def table(path):
     """The table of a file, as a function: ln p of the last of five letters after the others."""
     data, runs, at = open(path, "rb").read(), [], 27 ** 3
     for _ in N_RUNS:
         (n,) = struct.unpack_from("<I", data, at)
-        keys, costs = data[at + 4:at + 4 + 3 * n], data[at + 4 + 3 * n:at + 4 + 4 * n]
-        runs.append({int.from_bytes(keys[3 * k:3 * k + 3], "little"): costs[k] for k in range(n)})
-        at += 4 + 4 * n
+        at, keys = at + 4, []
+        while len(keys) < n:
+            distance, shift = data[at] & 127, 7
+            while data[at] & 128:
+                at += 1
+                distance |= (data[at] & 127) << shift
+                shift += 7
+            at += 1
+            keys.append(distance + (keys[-1] if keys else 0))
+        runs.append(dict(zip(keys, data[at:at + n])))
+        at += n
 
     def ln_p(five):
         backoffs, found = next(((k, runs[1 - k][number(five[k:])]) for k in range(2)
@@ -132,7 +152,7 @@ def main():
         best = sorted(runs, key=lambda run: (-runs[run], run))[:most]
         kept.update({run: p(run[:-1], run[-1]) for run in best})
         best.sort(key=number)
-        data += struct.pack("<I", len(best)) + b"".join(number(run).to_bytes(3, "little") for run in best)
+        data += struct.pack("<I", len(best)) + distances([number(run) for run in best])
         data += bytes(cost(kept[run]) for run in best)
     open(out, "wb").write(data)
     print(len(words), "words,", len(data), "bytes")

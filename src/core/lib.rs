@@ -12,6 +12,7 @@ pub mod files;
 pub mod flight;
 pub mod geometry;
 pub mod lamps;
+pub mod parallel;
 pub mod photo;
 pub mod place;
 pub mod plan;

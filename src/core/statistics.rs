@@ -1,4 +1,4 @@
-//! Medians and quantiles.
+//! Medians, quantiles, and values in the order of a number.
 
 use std::cmp::Ordering;
 
@@ -19,7 +19,7 @@ pub fn median<T: Copy + PartialOrd>(values: impl IntoIterator<Item = T>) -> Opti
 /// values, which is the smallest value at which the cumulative weight reaches a fraction of the
 /// total. Returns `None` without pairs.
 pub fn weighted_quantile(pairs: &mut [(f64, f64)], fraction: f64) -> Option<f64> {
-    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    sort_by_number(pairs, |pair| pair.0);
     let wanted = fraction * pairs.iter().map(|(_, weight)| weight).sum::<f64>();
     let mut cumulative = 0.0;
     for (value, weight) in pairs {
@@ -29,6 +29,30 @@ pub fn weighted_quantile(pairs: &mut [(f64, f64)], fraction: f64) -> Option<f64>
         }
     }
     None
+}
+
+/// Sorts values by a number, in the total order of IEEE 754. Equal numbers keep their order.
+///
+/// All types of values are sorted by the same code. Sorts of their own would be a fiftieth of the
+/// page's module.
+pub fn sort_by_number<T>(values: &mut [T], number: impl Fn(&T) -> f64) {
+    let numbers = values.iter().enumerate().map(|(index, value)| (number(value), index));
+    let mut order: Vec<(f64, usize)> = numbers.collect();
+    sort_pairs(&mut order);
+    for place in 0..values.len() {
+        // A value whose place was needed before is where the value of that place came from.
+        let mut index = order[place].1;
+        while index < place {
+            index = order[index].1;
+        }
+        order[place].1 = index;
+        values.swap(place, index);
+    }
+}
+
+#[inline(never)]
+fn sort_pairs(pairs: &mut [(f64, usize)]) {
+    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
 }
 
 #[cfg(test)]
@@ -42,5 +66,22 @@ mod tests {
         let mut pairs = [(2.0, 1.0), (5.0, 6.0), (1.0, 3.0)];
         let actual = [0.2, 0.4, 0.5].map(|share| weighted_quantile(&mut pairs, share));
         assert_eq!(actual, [Some(1.0), Some(2.0), Some(5.0)]);
+    }
+
+    #[test]
+    fn values_are_sorted_as_by_a_stable_sort() {
+        // Numbers with repetitions, in an order without one, and an order that moves all by one.
+        let mixed = (0..200_usize).map(|n| (f64::from((n * n * 7919 % 101) as u32 % 23) - 9.0, n));
+        let moved = (0..200_usize).map(|n| (((n + 199) % 200) as f64, n));
+        for values in [
+            mixed.collect::<Vec<_>>(),
+            moved.collect(),
+            vec![(f64::NAN, 0), (-0.0, 1), (0.0, 2), (-0.0, 3)],
+        ] {
+            let (mut actual, mut wanted) = (values.clone(), values);
+            sort_by_number(&mut actual, |value| -value.0);
+            wanted.sort_by(|a, b| b.0.total_cmp(&a.0));
+            assert_eq!(format!("{actual:?}"), format!("{wanted:?}"));
+        }
     }
 }

@@ -15,7 +15,7 @@ use serde_json::Value;
 
 use noctograph_core::camera::Camera;
 use noctograph_core::crazyflie::{Release, TRAJECTORY_MEMORY_BYTES};
-use noctograph_core::error::{Result, is_device};
+use noctograph_core::error::{Error, Result, is_device};
 use noctograph_core::lamps::LightOptions;
 use noctograph_core::settings::settings;
 use noctograph_plan::Plan;
@@ -224,6 +224,11 @@ pub fn export(format: Format, job: &Job<'_>) -> Result<Vec<File>> {
     let release = job.sim.vehicle.firmware;
     match format {
         Format::Cflib => scripts(job),
+        // The page exports scripts only, and its module is smaller without the other formats.
+        _ if cfg!(target_family = "wasm") => {
+            let hint = "export it with the command line";
+            Err(Error::input("the format", format.name(), "cflib", hint))
+        }
         Format::Compressed => per_drone(job, "traj", |_, plan| {
             Ok(compressed::Compressed::encode(release, plan, job.tolerance_m)?.to_bytes())
         }),
@@ -299,17 +304,18 @@ fn scripts(job: &Job<'_>) -> Result<Vec<File>> {
     Ok(files)
 }
 
-/// Letters without a Unicode decomposition, each followed by its ASCII spelling.
-const SPELLED: &str = "ŁL łl ØO øo ĐD đd ıi ßss ẞSS ÆAE æae ŒOE œoe ÞTh";
+/// Letters without a canonical decomposition, each followed by its ASCII spelling. These are all of
+/// the shipped fonts.
+const SPELLED: &str = "ŁL łl ØO øo ĐD đd ıi ßss ẞSS ÆAE æae ŒOE œoe ÞTh ªa ºo ſs ŉn ĲIJ ĳij ĿL ŀl \
+    ¼14 ½12 ¾34 ⁰0 ¹1 ²2 ³3 ⁴4 ⁵5 ⁶6 ⁷7 ⁸8 ⁹9";
 /// Maximum number of characters in a file name before its extension.
 const MAX_STEM: usize = 32;
 
 /// Returns the file name for a word, without an extension. The name consists of the word's letters
 /// and digits in ASCII, without accents. A word that contains none yields `drawing`.
 pub fn stem(word: &str) -> String {
-    // NFKD separates accents from their letters.
     let mut stem = String::new();
-    for letter in word.nfkd() {
+    for letter in decomposed(word) {
         match SPELLED.split(' ').find_map(|pair| pair.strip_prefix(letter)) {
             Some(spelling) => stem += spelling,
             None if letter.is_ascii_alphanumeric() => stem.push(letter),
@@ -322,6 +328,19 @@ pub fn stem(word: &str) -> String {
         device if is_device(device) => stem + "_",
         _ => stem,
     }
+}
+
+/// Returns the characters of a word with accents separated from their letters (NFKD).
+#[cfg(not(target_family = "wasm"))]
+fn decomposed(word: &str) -> impl Iterator<Item = char> {
+    word.nfkd()
+}
+
+/// Returns the characters of a word with accents separated from their letters (NFD). In a page,
+/// words have only the letters of shipped fonts, for which [`SPELLED`] replaces NFKD's tables.
+#[cfg(target_family = "wasm")]
+fn decomposed(word: &str) -> impl Iterator<Item = char> {
+    word.nfd()
 }
 
 /// Returns one file per drone. `encode` returns its bytes for the drone's index and plan. The name

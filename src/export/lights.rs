@@ -16,6 +16,7 @@ use noctograph_core::lamps::{
     ring_memory_rgb,
 };
 use noctograph_core::srgb::{encoded_from_linear, linear_from_encoded, rgb_from_xyz, xyz};
+use noctograph_core::statistics::sort_by_number;
 use noctograph_plan::Plan;
 
 /// Value of `led.bitmask` at which the board's own LEDs are dark.
@@ -142,7 +143,7 @@ pub fn commands(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
             }
         }
     }
-    commands.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    sort_by_number(&mut commands, |command| command.time_s);
     Ok(commands)
 }
 

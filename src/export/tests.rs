@@ -8,6 +8,7 @@ use proptest::array::uniform3;
 use proptest::strategy::Strategy;
 
 use serde_json::{Value, json};
+use unicode_normalization::UnicodeNormalization;
 
 use super::compressed::{Compressed, Piece};
 use super::lights::preparation;
@@ -122,6 +123,26 @@ fn a_name_keeps_its_letters_in_the_name_of_a_file() {
         ("Auxerre", "Auxerre"),
     ] {
         assert_eq!(crate::stem(word), name);
+    }
+}
+
+#[test]
+fn a_page_names_words_of_shipped_fonts_as_the_program_does() {
+    let characters: Vec<char> = include_str!("../../fonts/simplex.strokes")
+        .lines()
+        .filter_map(|line| line.split(' ').next()?.chars().next())
+        .collect();
+    assert!(characters.len() > 500 && characters.contains(&'½'));
+    let spelled = |letter: char| {
+        let spelling = super::SPELLED.split(' ').find_map(|pair| pair.strip_prefix(letter));
+        spelling.map_or_else(|| letter.to_string(), str::to_owned)
+    };
+    for character in characters {
+        // What a module without compatibility decompositions makes of the letter.
+        let letters = character.nfd().map(spelled).collect::<String>();
+        let name: String = letters.chars().filter(char::is_ascii_alphanumeric).collect();
+        let wanted = if name.is_empty() { "drawing" } else { &name };
+        assert_eq!(crate::stem(&character.to_string()), wanted, "{character}");
     }
 }
 

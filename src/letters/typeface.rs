@@ -29,6 +29,7 @@ use super::stored;
 use super::vector::{Lines, length, pairs, point};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Budget;
+use noctograph_core::statistics::sort_by_number;
 
 /// Maximum number of subtables of the kerning table that are read. Every pair of letters is looked
 /// up in all of these.
@@ -174,7 +175,7 @@ impl Typeface {
             Some(([bounds.x0, bounds.x1].map(|x| x + f64::from(placed.units[0])), placed))
         }));
         // The boxes are sorted from left to right, so only the last group can touch the next box.
-        boxes.sort_by(|a, b| a.0[0].total_cmp(&b.0[0]));
+        sort_by_number(&mut boxes, |([left, _], _)| *left);
         let mut groups: Vec<Vec<Placed>> = Vec::new();
         let mut group_right = f64::NEG_INFINITY;
         for ([left, right], placed) in boxes {

@@ -25,7 +25,7 @@ use super::{Job, TimeUnit, plain_csv, rows, titles};
 use noctograph_core::error::{Error, Place, Result};
 use noctograph_core::files::{Budget, Text, simplified};
 use noctograph_core::flight::timestamps::{SLOWEST_PERIOD_S, unit_of};
-use noctograph_core::statistics::median;
+use noctograph_core::statistics::{median, sort_by_number};
 
 /// Work budget in steps: per byte of text, per value, per name besides its bytes, and per title.
 const BYTE_STEPS: usize = 3;
@@ -568,7 +568,7 @@ impl<'a> Reader<'a> {
         let items = members.map(|(key, item)| Some((index(&key)?, item)));
         let items = items.collect::<Option<Vec<_>>>().filter(|items| !items.is_empty());
         Ok(items.map(|mut items| {
-            items.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+            sort_by_number(&mut items, |(index, _)| *index);
             let (mut indices, items): (Vec<f64>, Vec<&RawValue>) = items.into_iter().unzip();
             if (0_u32..).zip(&indices).all(|(n, index)| f64::from(n) == *index) {
                 indices.clear();

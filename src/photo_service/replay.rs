@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use noctograph_core::camera::Camera;
 use noctograph_core::flight::{DroneIndex, Flight};
+use noctograph_core::statistics::sort_by_number;
 use noctograph_core::strokes::Glyph;
 use noctograph_picture::light::{Lamp, LightSample};
 use noctograph_pipeline::shoot::{Shot, writing};
@@ -67,7 +68,7 @@ impl LightMap {
                 Some(other) => (0..3).for_each(|color| other.rgb[color] += stroke.rgb[color]),
             }
         }
-        strokes.sort_by(|a, b| span_s(a)[0].total_cmp(&span_s(b)[0]));
+        sort_by_number(&mut strokes, |stroke| span_s(stroke)[0]);
         let strokes = strokes.iter().filter_map(|stroke| MappedStroke::new(stroke, shot)).collect();
         Self { seconds: end_s(shot), strokes }
     }

@@ -10,6 +10,7 @@ use super::{Plan, PlanData, Setpoint};
 use crate::response::{Inverse, StepResponse};
 use noctograph_core::flight::Flight;
 use noctograph_core::flight::table::on_grid;
+use noctograph_core::parallel;
 
 /// Weight of the input relative to the output error. A smaller weight would require tilts that the
 /// drone cannot reach.
@@ -68,7 +69,7 @@ pub fn offset(plan: &Plan, mean_error_m: Vector3<f64>) -> Plan {
 
 /// Returns the values of a function for the three axes, computed in parallel.
 fn for_axes<T: Send>(axis: impl Fn(usize) -> T + Sync) -> [T; 3] {
-    let (x, (y, z)) = rayon::join(|| axis(0), || rayon::join(|| axis(1), || axis(2)));
+    let (x, (y, z)) = parallel::join(|| axis(0), || parallel::join(|| axis(1), || axis(2)));
     [x, y, z]
 }
 

@@ -15,6 +15,7 @@ use super::pen::PenStroke;
 use super::{EvenStyle, Plan, PlanOptions, Setpoint, Style, adjusted, even};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::geometry::bounds;
+use noctograph_core::statistics::sort_by_number;
 use noctograph_core::strokes::Strokes;
 
 /// Minimum horizontal distance in m between two drones, unless one is [`MIN_VERTICAL_M`] above the
@@ -323,8 +324,7 @@ fn parts(
 ) -> Result<Vec<Vec<PenStroke>>> {
     let mut drawn = as_drawn(strokes, options.stroke_speed_m_s)?;
     if !is_kept(strokes, style) {
-        let middle = |stroke: &PenStroke| middle_x_m(std::slice::from_ref(stroke));
-        drawn.sort_by(|a, b| middle(a).total_cmp(&middle(b)));
+        sort_by_number(&mut drawn, |stroke| middle_x_m(std::slice::from_ref(stroke)));
     }
     let each_m = drawn.iter().map(PenStroke::length_m).sum::<f64>() / f64::from(options.drones);
     let mut parts: Vec<Vec<PenStroke>> = vec![Vec::new()];

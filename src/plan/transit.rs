@@ -11,6 +11,7 @@ use rsruckig::prelude::{
 
 use super::EvenStyle;
 use super::motion::{MAX_EXCESS, State};
+use noctograph_core::statistics::sort_by_number;
 
 /// Angles in rad that divide the limits between the two axes.
 const SPLITS_RAD: [f64; 3] = [0.25, 0.5, 0.785];
@@ -79,7 +80,7 @@ impl Transit {
             Some(Self { from_m: from.position_m, world_from_path, trajectory })
         });
         let mut paths: Vec<Self> = paths.collect();
-        paths.sort_by(|a, b| a.duration_s().total_cmp(&b.duration_s()));
+        sort_by_number(&mut paths, Self::duration_s);
         // Both axes together may exceed the speed limit. Such a path is used only as a last resort.
         let fastest_m_s = style.dark_speed_m_s.max(from.velocity_m_s.norm());
         let limit_m_s = SPEED_SLACK * fastest_m_s.max(to.velocity_m_s.norm());

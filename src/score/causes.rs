@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use noctograph_core::error::{Error, Result};
 use noctograph_core::geometry::distance;
+use noctograph_core::statistics::sort_by_number;
 
 /// A fault in the photo, and the gain if the fault is removed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -219,7 +220,7 @@ pub(super) fn sentence(
 /// Returns the times of the log gaps in s as text, without duplicates.
 fn gap_times(causes: &[&Cause]) -> String {
     let mut gap_times: Vec<[f64; 2]> = causes.iter().filter_map(|cause| cause.log_gap_s).collect();
-    gap_times.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    sort_by_number(&mut gap_times, |[from, _]| *from);
     gap_times.dedup();
     let gap_times = gap_times.iter().map(|[from, to]| format!("{from:.2} to {to:.2} s"));
     gap_times.collect::<Vec<_>>().join(", ")

@@ -16,6 +16,7 @@ use super::view::View;
 use super::{BLUR_H, PX_PER_H};
 use noctograph_core::error::Result;
 use noctograph_core::photo::Photo;
+use noctograph_core::statistics::sort_by_number;
 
 /// Cap height in the photo, in pixels, below which the letters have too few pixels.
 const FEW_PX: f64 = 30.0;
@@ -83,7 +84,7 @@ impl Reader {
             faults.push((Cause::new(CauseKind::Dim, None), None));
         }
         verdict.advice = self.advise((seen, &in_place), &verdict, &sketches, &faults, known);
-        faults.sort_by(|(a, _), (b, _)| b.gain.unwrap_or(0.0).total_cmp(&a.gain.unwrap_or(0.0)));
+        sort_by_number(&mut faults, |(cause, _)| -cause.gain.unwrap_or(0.0));
         verdict.causes = faults.into_iter().map(|(cause, _)| cause).collect();
         Ok((verdict, marks))
     }
@@ -96,7 +97,7 @@ impl Reader {
         let in_place = self.expected.judge(&columns);
         let middles = self.expected.middles(&columns);
         let mut worst: Vec<usize> = (0..in_place.choices.len()).collect();
-        worst.sort_by(|a, b| in_place.choices[*a].p.total_cmp(&in_place.choices[*b].p));
+        sort_by_number(&mut worst, |index| in_place.choices[*index].p);
         worst.truncate(MOST_MENDED);
         let is_long = self.expected.indices.len() > LONGEST_MENDED;
         for (cause, mending) in faults {
@@ -219,7 +220,7 @@ impl Reader {
                 advice.push(Advice { kind: *kind, text, gain });
             }
         }
-        advice.sort_by(|a, b| b.gain.unwrap_or(0.0).total_cmp(&a.gain.unwrap_or(0.0)));
+        sort_by_number(&mut advice, |advice| -advice.gain.unwrap_or(0.0));
         advice.truncate(MAX_ADVICE);
         advice
     }

@@ -12,6 +12,7 @@ use super::raster::whole;
 use super::search::search;
 use super::spelling;
 use super::verdict::{LetterVerdict, Rival, RivalWord};
+use noctograph_core::statistics::sort_by_number;
 use noctograph_core::strokes::Strokes;
 
 /// Minimum probability of a letter in the list of confusions.
@@ -324,7 +325,7 @@ pub(super) fn letter_verdict(choice: &Choice, expected: char) -> LetterVerdict {
     let likely = rivals.clone().filter(|rival| rival.p >= LEAST_CONFUSION);
     let mut confusion: Vec<Rival> =
         [Rival { letter: expected, p: choice.p }].into_iter().chain(likely).collect();
-    confusion.sort_by(|a, b| b.p.total_cmp(&a.p));
+    sort_by_number(&mut confusion, |rival| -rival.p);
     LetterVerdict {
         best: choice.best(expected).0,
         p: Some(choice.p),

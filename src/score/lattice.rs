@@ -7,11 +7,12 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
+use noctograph_core::parallel::prelude::*;
 
 use super::alphabet::{BLANK, Classes, NO_LETTER, names, with_case_of};
 use super::net::{self, N_CLASSES};
 use super::strip::Strip;
+use noctograph_core::statistics::sort_by_number;
 
 /// Minimum probability of a class at a column. Lower outputs of the net are training noise.
 const LEAST: f64 = 1e-6;
@@ -104,7 +105,7 @@ impl Columns {
                 continue;
             }
             others.iter_mut().for_each(|(_, p)| *p /= sum);
-            others.sort_by(|a, b| b.1.total_cmp(&a.1));
+            sort_by_number(&mut others, |(_, p)| -p);
             choices.push(Choice { p: total / sum, none: none / sum, others });
         }
         choices

@@ -10,6 +10,7 @@ use super::light::{Light, luminance, map, median_abs};
 use super::raster::{Raster, narrow, whole};
 use super::strip::{CAP_PX, HEAD_ROW, HEIGHT, MARGIN_PX, Strip};
 use noctograph_core::photo::Photo;
+use noctograph_core::statistics::sort_by_number;
 
 /// Maximum side of the searched picture, in pixels. Letters of half this height still have hundreds
 /// of pixels.
@@ -146,7 +147,7 @@ impl Ink {
             }
             lines.push(line);
         }
-        lines.sort_by(|a, b| a.extent[0].total_cmp(&b.extent[0]));
+        sort_by_number(&mut lines, |line| line.extent[0]);
         lines
     }
 

@@ -1,6 +1,7 @@
 //! The reader for one word. Once prepared, the reader judges each photo in a few milliseconds.
 
-use rayon::prelude::*;
+use noctograph_core::parallel;
+use noctograph_core::parallel::prelude::*;
 
 use super::align::Finder;
 use super::alphabet::{classes_of, spells};
@@ -163,7 +164,7 @@ impl Reader {
         view: &View,
     ) -> Result<(Verdict, Option<Seen>)> {
         check_size(photo, view)?;
-        let (reading, seen) = rayon::join(|| read(photo), || self.find_light(photo, view));
+        let (reading, seen) = parallel::join(|| read(photo), || self.find_light(photo, view));
         // `None` means that the camera cannot see where the word should be.
         let pixel_px = self.finder.grid.pixel_px(view, &self.home);
         let cap_height_px = pixel_px.map(|px| f64::from(PX_PER_H) * px);

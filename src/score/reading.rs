@@ -6,7 +6,7 @@
 //! smaller, higher, lower and darker. The mean over the neighbors depends less on how the photo was
 //! scaled, exposed and compressed. Accents and punctuation are not read.
 
-use rayon::prelude::*;
+use noctograph_core::parallel::prelude::*;
 use serde::Serialize;
 
 use super::alphabet::{Classes, alike, class_of, seen_as, with_case_of};

@@ -2,6 +2,7 @@
 
 use super::alphabet::{BLANK, Classes, NO_LETTER};
 use super::lattice::Columns;
+use noctograph_core::statistics::sort_by_number;
 
 /// Width of the beam, in prefixes. A wider beam does not change the words that are found.
 const N_PREFIXES: usize = 12;
@@ -131,7 +132,7 @@ pub(super) fn search(columns: &Columns, first: &Symbols, rest: &Symbols) -> Vec<
         }
         merge(&mut steps, &mut beam);
         // Keeps the likeliest prefixes, scaled by the first one so that products stay in range.
-        beam.sort_by(|a, b| b.1.sum().total_cmp(&a.1.sum()));
+        sort_by_number(&mut beam, |(_, p)| -p.sum());
         beam.truncate(N_PREFIXES);
         let most = beam.first().map_or(1.0, |(_, p)| p.sum());
         for (_, p) in &mut beam {

@@ -8,6 +8,7 @@ use std::sync::LazyLock;
 
 use super::alphabet::{class_of, latin, with_case_of};
 use super::lattice::Choice;
+use noctograph_core::statistics::sort_by_number;
 
 /// Number of symbols: one for the start or end of a word, and the 26 letters of the Latin alphabet.
 const N_SYMBOLS: usize = 27;
@@ -40,9 +41,9 @@ const WITH_DIGIT: f64 = -3.58;
 /// Natural logarithm of probability assumed for a lone character: the mean over words and names.
 const AVERAGE: f64 = -2.2;
 
-/// Letter sequences as sorted three-byte numbers in base 27, and their costs.
+/// Letter sequences as sorted numbers in base 27, and their costs.
 struct Runs {
-    numbers: &'static [[u8; 3]],
+    numbers: Vec<usize>,
     costs: &'static [u8],
 }
 
@@ -53,22 +54,35 @@ static TABLE: LazyLock<(&[u8], [Runs; 2])> = LazyLock::new(|| {
     let runs = [(), ()].map(|()| {
         let (n, rest) = bytes.split_first_chunk().expect("the table has two lists of runs");
         let n = u32::from_le_bytes(*n) as usize;
-        let (numbers, rest) = rest.split_at(3 * n);
-        let (costs, rest) = rest.split_at(n);
         bytes = rest;
-        Runs { numbers: numbers.as_chunks().0, costs }
+        // Each number is stored as its distance from the one before.
+        let mut number = 0;
+        let numbers = std::iter::repeat_with(|| {
+            number += variable_length(&mut bytes);
+            number
+        });
+        let numbers = numbers.take(n).collect();
+        let (costs, rest) = bytes.split_at(n);
+        bytes = rest;
+        Runs { numbers, costs }
     });
     (triples, runs)
 });
+
+/// Takes a number from the front of the bytes. Each byte has seven bits of the number, the lowest
+/// first, and a bit that is set if another byte follows (LEB128).
+fn variable_length(bytes: &mut &[u8]) -> usize {
+    let (byte, rest) = bytes.split_first().expect("the table is whole");
+    *bytes = rest;
+    let low = usize::from(byte & 0x7f);
+    if byte & 0x80 == 0 { low } else { low + (variable_length(bytes) << 7) }
+}
 
 impl Runs {
     /// Returns the cost of a sequence of symbols in units of [`LN_UNIT`], or `None` if the table
     /// lacks it.
     fn cost(&self, number: usize) -> Option<u8> {
-        let index = self.numbers.binary_search_by_key(&number, |[a, b, c]| {
-            u32::from_le_bytes([*a, *b, *c, 0]) as usize
-        });
-        Some(self.costs[index.ok()?])
+        Some(self.costs[self.numbers.binary_search(&number).ok()?])
     }
 }
 
@@ -191,7 +205,7 @@ fn spell(choices: &[Choice], expected: &[char]) -> Option<Spelled> {
             likely.iter().map(|&symbol| word.and(symbol, libm::log(light[symbol])))
         });
         words = longer.collect();
-        words.sort_by(|a, b| b.ln_p().total_cmp(&a.ln_p()));
+        sort_by_number(&mut words, |word| -word.ln_p());
         words.truncate(N_WORDS);
     }
     let ended =
@@ -229,6 +243,20 @@ mod tests {
         assert_eq!(read(&word(('D', 0.9999, 'U'))), "HODSE", "clear light is believed");
         let zoe = [('Z', 0.9, '2'), ('o', 0.9, 'D'), ('ë', 0.9, 'F')];
         assert_eq!(read(&zoe), "Zoë");
+    }
+
+    #[test]
+    fn the_table_is_whole() {
+        let (triples, runs) = &*TABLE;
+        assert_eq!(triples.len(), 27_usize.pow(3));
+        for (runs, (n, letters)) in runs.iter().zip([(24_000, 4), (44_000, 5)]) {
+            assert_eq!((runs.numbers.len(), runs.costs.len()), (n, n));
+            assert!(runs.numbers.is_sorted_by(|a, b| a < b));
+            assert!(runs.numbers.last().is_some_and(|last| *last < 27_usize.pow(letters)));
+        }
+        let mut bytes: &[u8] = &[0x05, 0x80, 0x01, 0xff, 0xff, 0x03];
+        let numbers: Vec<usize> = (0..3).map(|_| variable_length(&mut bytes)).collect();
+        assert_eq!(numbers, [5, 128, 65_535]);
     }
 
     #[test]

@@ -10,6 +10,7 @@ use crate::vector::{between, segments};
 use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::files::Budget;
 use noctograph_core::geometry::{bounds, distance, polyline_length_m};
+use noctograph_core::statistics::sort_by_number;
 
 /// Minimum side of a patch, relative to the picture's longer side.
 const LEAST: f64 = 2e-3;
@@ -274,7 +275,7 @@ fn nested(contours: Vec<Contour>, least_area: f64) -> Vec<Vec<Contour>> {
         .partition(|contour| area(contour) > 0.0);
     let mut patches: Vec<Vec<Contour>> = outer.into_iter().map(|c| vec![c]).collect();
     // A hole belongs to the smallest patch that contains one of its points.
-    patches.sort_by(|a, b| area(&a[0]).total_cmp(&area(&b[0])));
+    sort_by_number(&mut patches, |patch| area(&patch[0]));
     // The picture's size bounds the work, so this budget is never spent.
     let budget = Budget::new("", "");
     let boxes: Vec<[f64; 4]> = patches.iter().map(|p| bounds(p[0].iter().copied())).collect();

@@ -10,7 +10,7 @@
 use std::hint::black_box;
 use std::ops::Range;
 
-use rayon::prelude::*;
+use noctograph_core::parallel::prelude::*;
 
 use super::curves::{Curves, LANES, LOW_BITS};
 use super::floor::Glow;

@@ -15,7 +15,7 @@
 use std::sync::Arc;
 
 use nalgebra::Vector3;
-use rayon::prelude::*;
+use noctograph_core::parallel::prelude::*;
 
 use super::record::DITHER;
 use super::sources::{Rgb, Tree, exposures_lx_s, reflected, trees};
@@ -134,8 +134,8 @@ impl Glow {
         let (green, blue) = others.split_at_mut(pixels);
         let planes = [red, green, blue].map(|plane| plane.par_chunks_mut(SIDE_PX as usize * width));
         let [red, green, blue] = planes;
-        let bands = (red, green, blue).into_par_iter().zip(&self.bands);
-        bands.enumerate().for_each(|(band, ((red, green, blue), squares))| {
+        let bands = red.zip(green).zip(blue).zip(&self.bands);
+        bands.enumerate().for_each(|(band, (((red, green), blue), squares))| {
             // Selects the band's rows in the planes of the film and of the photographed room.
             let mut planes = [red, green, blue];
             let first = band * SIDE_PX as usize * width;

@@ -8,6 +8,7 @@
 use super::record::Record;
 use super::tile::{ALL, count};
 use super::{Film, Latent, Tint, cpu};
+use noctograph_core::parallel;
 
 /// The light that was drawn so far.
 #[derive(Debug, Default)]
@@ -101,7 +102,7 @@ impl Tint {
 fn plane_of(records: Vec<Record>, latent: &Latent) -> Vec<u32> {
     let tint = Tint { fractions: [ALL, 0, 0], records, lamp_ends: Vec::new() };
     let alone = Latent { tints: vec![tint], glow: None, ..*latent };
-    let mut planes = cpu::splat(rayon::current_num_threads() as u64, &alone);
+    let mut planes = cpu::splat(parallel::current_num_threads() as u64, &alone);
     planes.truncate(planes.len() / 3);
     planes
 }

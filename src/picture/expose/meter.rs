@@ -16,7 +16,7 @@ use noctograph_core::camera::Camera;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::DroneIndex;
 use noctograph_core::srgb::luminance;
-use noctograph_core::statistics::weighted_quantile;
+use noctograph_core::statistics::{sort_by_number, weighted_quantile};
 
 /// Tolerance for merging segments, which is coarse because the meter needs less detail than a
 /// picture.
@@ -137,7 +137,7 @@ pub fn meter(trace: &LightTrace, camera: &Camera) -> Result<Vec<LampReading>> {
         }
     }
     let readings = Vec::from_iter(trails.into_iter().filter_map(|(lamp, mut segments)| {
-        segments.sort_by(|a, b| a.start_s.total_cmp(&b.start_s));
+        sort_by_number(&mut segments, |segment| segment.start_s);
         Some((lamp, reading(lamp, &segments, camera)?))
     }));
     if readings.is_empty() {

@@ -55,6 +55,7 @@ use floor::Glow;
 use gpu::Gpu;
 use noctograph_core::camera::{Camera, check_size};
 use noctograph_core::error::{Error, Result, within};
+use noctograph_core::parallel;
 use noctograph_core::settings::{Described, settings};
 use record::Record;
 use tile::ALL;
@@ -234,7 +235,9 @@ impl Latent {
     /// Adds up the light on all cores of the processor, and returns the film.
     #[must_use]
     pub fn develop_on_all(&self) -> Film {
-        self.develop_on(NonZero::new(rayon::current_num_threads()).unwrap_or(NonZero::<usize>::MIN))
+        self.develop_on(
+            NonZero::new(parallel::current_num_threads()).unwrap_or(NonZero::<usize>::MIN),
+        )
     }
 
     /// Returns the scale of the film, where one count is `2^scale_log2` lx s.

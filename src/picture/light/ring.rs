@@ -10,6 +10,7 @@ use super::{
 };
 use noctograph_core::crazyflie::RING_TICK_S;
 use noctograph_core::flight::Flight;
+use noctograph_core::statistics::sort_by_number;
 
 /// Red, green and blue of each LED.
 pub(super) type Frame = [[u8; 3]; RING_LEDS];
@@ -76,7 +77,7 @@ fn commands(flight: &Flight, options: &LightOptions, chance: &Chance) -> Vec<(us
             write_s += RADIO_WRITE_S;
         }
     }
-    commands.sort_by(|(_, a), (_, b)| a.time_s.total_cmp(&b.time_s));
+    sort_by_number(&mut commands, |(_, command)| command.time_s);
     commands
 }
 

@@ -9,7 +9,7 @@
 //! Ghost images of bright lights are not modeled. Light that would cross the border of the picture
 //! is mirrored.
 
-use rayon::prelude::*;
+use noctograph_core::parallel::prelude::*;
 
 use super::TASK_ROWS;
 use super::kernel::{DOUBLE, Plane, QUADRUPLE};

@@ -16,7 +16,7 @@
 //! are not modeled.
 
 use image::ImageEncoder;
-use rayon::prelude::*;
+use noctograph_core::parallel::prelude::*;
 
 use crate::expose::{ExposeOptions, Film};
 use crate::narrow;

@@ -8,6 +8,7 @@ use noctograph_core::camera::Camera;
 use noctograph_core::diagnostic::{Change, Diagnostic, Severity};
 use noctograph_core::error::Result;
 use noctograph_core::flight::{Flight, warning::UNSEEN};
+use noctograph_core::statistics::sort_by_number;
 use noctograph_picture::expose::meter::{LampReading, meter};
 use noctograph_picture::light::{Lamp, LightTrace, LightTraceData};
 
@@ -144,7 +145,7 @@ pub(super) fn lit_pieces(flight: &Flight, trace: &LightTrace, scene: &Scene) -> 
     // A lamp that changes color consists of several emitters.
     let emitters = writing.iter().filter(|lamp| Some(&lamp.emitter.name) == name);
     let mut pieces: Vec<Piece> = emitters.flat_map(|lamp| emitter_pieces(lamp)).collect();
-    pieces.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    sort_by_number(&mut pieces, |piece| piece.time_s);
     pieces
 }
 

@@ -20,7 +20,8 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
-use rayon::prelude::*;
+use noctograph_core::parallel;
+use noctograph_core::parallel::prelude::*;
 
 use crate::scene::Scene;
 use noctograph_core::diagnostic::Warned;
@@ -386,7 +387,7 @@ impl Shoot {
     pub fn take_by(mut self, developer: Developer, watch: &Watch<'_>) -> Result<Shot> {
         // The reader is prepared during the flight, because this takes time.
         let recordings = std::mem::take(&mut self.recordings);
-        let (recordings, reader) = rayon::join(
+        let (recordings, reader) = parallel::join(
             || if recordings.is_empty() { self.record(watch) } else { Ok(recordings) },
             || self.reader(),
         );

@@ -4,7 +4,8 @@
 //! responses of the loop, the simulated flight of a plan, and the delays of the lamps.
 
 use nalgebra::Vector3;
-use rayon::prelude::*;
+use noctograph_core::parallel;
+use noctograph_core::parallel::prelude::*;
 
 use super::lighting::in_drawing_colors;
 use super::step_responses;
@@ -45,7 +46,7 @@ pub(super) fn plan(
     let trajectory_clock = Some(scene.trajectory_clock());
     let options = PlanOptions { trajectory_clock, ..scene.plan.clone() };
     let is_inverse = scene.plan.reference == ReferenceKind::Inverse;
-    let (designs, responses) = rayon::join(
+    let (designs, responses) = parallel::join(
         || fleet(strokes, &options),
         || is_inverse.then(|| step_responses(&scene.sim())).transpose(),
     );

@@ -8,6 +8,7 @@ use nalgebra::Vector3;
 
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::Flight;
+use noctograph_core::parallel;
 use noctograph_core::plan::PlanData;
 use noctograph_plan::response::StepResponse;
 use noctograph_plan::{Plan, Setpoint};
@@ -32,7 +33,8 @@ const MAX_ERROR_FRAC: f64 = 0.05;
 /// Returns the errors of [`fly`], and [`Error::Infeasible`] if the loop does not settle in 6 s.
 pub fn step_responses(options: &SimOptions) -> Result<[StepResponse; 3]> {
     let options = options.rehearsal();
-    let (still, stepped) = rayon::join(|| fly_step(&options, 0.0), || fly_step(&options, STEP_M));
+    let (still, stepped) =
+        parallel::join(|| fly_step(&options, 0.0), || fly_step(&options, STEP_M));
     let (still, stepped) = (still?, stepped?);
     // The response is normalized by the size of the step.
     let pairs = still.samples.iter().zip(&stepped.samples);

@@ -10,6 +10,7 @@ use noctograph_core::camera::Camera;
 use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::Result;
 use noctograph_core::flight::Flight;
+use noctograph_core::parallel;
 use noctograph_picture::expose::{Backend, Exposure, Film, Latent, project};
 use noctograph_picture::light::LightTrace;
 use noctograph_picture::light::gaps::{Gap, dark};
@@ -146,10 +147,10 @@ impl Shoot {
         photo.edit(|photo| photo.scene_toml = self.format.map(|_| scene.portable().to_toml()));
         // 2. Reading, encoding and the search for problems run in parallel.
         let (digests, tracking) = (OnceLock::new(), OnceLock::new());
-        let (read, (file, exposed)) = rayon::join(
+        let (read, (file, exposed)) = parallel::join(
             || self.read(reader, &photo, &camera, &flights, &tracking),
             || {
-                rayon::join(
+                parallel::join(
                     || self.encoded(&photo, film.as_ref(), &camera, &flights, &digests),
                     || problems::exposure_obstacle(&photo, &camera),
                 )

@@ -10,7 +10,7 @@
 //! ([`search`]) and then receives the best directions.
 
 use nalgebra::Vector2;
-use rayon::prelude::*;
+use noctograph_core::parallel::prelude::*;
 
 use super::motion::State;
 use super::pen::{PenStroke, Way, pen_strokes};
