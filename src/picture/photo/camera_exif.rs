@@ -163,9 +163,8 @@ impl Photograph {
             match (*tag, film_mm) {
                 (tag, _) if is_zero(tag) => empty.push(format!("{tag} = 0 (give {key})")),
                 (Tag::FocalLength, Some(_)) => {}
-                (tag @ Tag::FocalLengthIn35mmFilm, Some(mm)) => empty.push(format!(
-                    "{tag} = {mm} without FocalLength (give {focal_key} and {key})"
-                )),
+                (tag @ Tag::FocalLengthIn35mmFilm, Some(mm)) => empty
+                    .push(format!("{tag} = {mm} without FocalLength (give {focal_key} and {key})")),
                 (tag @ Tag::FocalLengthIn35mmFilm, None) => missing.push(format!(
                     "{tag} (or FocalPlaneXResolution with PixelXDimension, or a known camera \
                      Model)"
