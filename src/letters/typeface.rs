@@ -227,8 +227,9 @@ impl Typeface {
         })
     }
 
-    /// Returns the shape of glyphs, with the advance of the first one and the strokes of all.
-    /// Returns `None` if they have no strokes or are too large.
+    /// Returns the shape of a single glyph, or of glyphs that touch. Returns `None` if they have no
+    /// strokes or are too large. The advance is that of the first glyph: it is used only for single
+    /// glyphs, because shaping places touching ones.
     fn draw(&self, parts: &[Part], budget: &Budget) -> Option<Shape> {
         let advance = self.advance(self.face.glyph_metrics().h_advance(parts[0].0));
         if !(0.0..=MAX_COORDINATE).contains(&advance) {

@@ -116,8 +116,8 @@ fn repair_block(block: &mut Block, wrap_s: Option<f64>, warnings: &mut Vec<Diagn
 }
 
 /// Returns the number of stretches between restarts, and the indices of the longest stretch among
-/// the indices `kept`. A stretch ends at its latest time, which excludes repeated zeros after the
-/// end of a log.
+/// the indices `kept`. The duration of a stretch is measured to its latest time, so that repeated
+/// zeros after the end of a log do not shorten it.
 fn longest_stretch(time_s: &[f64], kept: &[usize]) -> (usize, Vec<usize>) {
     let stretches = kept.chunk_by(|a, b| time_s[*b] >= time_s[*a] - RESTART_S);
     let timed = stretches.clone().map(|stretch| {

@@ -151,14 +151,19 @@ fn script_entry(log: &[u8]) -> Option<serde_json::Value> {
 /// Default address of a drone.
 const DEFAULT_ADDRESS: &str = "E7E7E7E7E7";
 
-/// Returns the address in a link's URI (`radio://0/80/2M/E7E7E7E7E7`). The default address is
-/// preceded by the radio channel, so that drones remain distinguishable.
+/// Returns the address in a link's URI, which is `radio://dongle/channel/rate/address` for a radio.
+/// A missing address is the default address, as in cflib. The default address is preceded by the
+/// radio channel, so that drones remain distinguishable.
 fn address(uri: &str) -> String {
-    let mut parts = uri.split('?').next().unwrap_or_default().rsplit('/');
-    let (address, channel) = (parts.next().unwrap_or_default(), parts.nth(1));
-    match channel {
-        Some(channel) if address == DEFAULT_ADDRESS => format!("{channel}/{address}"),
-        _ => address.to_owned(),
+    let link = uri.split('?').next().unwrap_or_default();
+    let parts: Vec<&str> =
+        link.split_once("://").map_or(link, |(_, rest)| rest).split('/').collect();
+    match parts[..] {
+        [_, channel, _] | [_, channel, _, DEFAULT_ADDRESS] => {
+            format!("{channel}/{DEFAULT_ADDRESS}")
+        }
+        [.., last] => last.to_owned(),
+        [] => String::new(),
     }
 }
 
@@ -211,6 +216,7 @@ mod tests {
             ("NO-3.json", "radio://0/80/2M/E7E7E7E7E7"),
             ("NO-4.json", "radio://0/90/2M/E7E7E7E7E7"),
             ("other/NO-5.json", "radio://0/80/2M/E7E7E7E701?rate_limit=100"),
+            ("other/NO-6.json", "radio://0/70/2M"),
         ] {
             let path = evening.path().join(name);
             std::fs::create_dir_all(path.parent().unwrap()).unwrap();
@@ -220,7 +226,14 @@ mod tests {
             logs_in(evening.path()).unwrap().0.into_iter().map(|log| log.drone).collect();
         assert_eq!(
             drones,
-            ["E7E7E7E701", "E7E7E7E702", "80/E7E7E7E7E7", "90/E7E7E7E7E7", "E7E7E7E701"]
+            [
+                "E7E7E7E701",
+                "E7E7E7E702",
+                "80/E7E7E7E7E7",
+                "90/E7E7E7E7E7",
+                "E7E7E7E701",
+                "70/E7E7E7E7E7"
+            ]
         );
         let empty = tempfile::tempdir().unwrap();
         assert!(logs_in(empty.path()).unwrap_err().to_string().contains("found 0 logs"));

@@ -81,15 +81,14 @@ pub(crate) fn end_s(shot: &Shot) -> f64 {
 }
 
 /// Returns the lit segments of a lamp's path, in order of time. A gap shorter than [`BLINK_S`] does
-/// not divide a segment.
+/// not divide a segment. The intensity of a segment is the maximum of its samples in each color.
 fn lamp_strokes(lamp: &Lamp) -> Vec<Stroke<'_>> {
     let lit = lamp.samples.iter().filter(|sample| sample.level > LIT);
     let mut strokes: Vec<Stroke<'_>> = Vec::new();
     for sample in lit {
         let intensity_cd = lamp.emitter.intensity_cd;
         let rgb = lamp.emitter.rgb.map(|part| part * intensity_cd * sample.level);
-        // A short gap is caused by a change of color and does not end the stroke. The stroke is
-        // drawn in the color of its brightest sample.
+        // A short gap is caused by a change of color and does not end the stroke.
         match strokes.last_mut() {
             Some(stroke) if sample.time_s - span_s(stroke)[1] < BLINK_S => {
                 stroke.samples.push(sample);

@@ -142,7 +142,8 @@ impl Light {
         sum.map(|sum| sum * per_area)
     }
 
-    /// Returns the light of all pixels in a rectangle of the photo.
+    /// Returns the light of all cells in a rectangle, which is in pixels of the photo. The part of
+    /// the rectangle outside the photo is ignored.
     pub(super) fn within(&self, [left, top, right, bottom]: Frame) -> Vec<Rgb> {
         let sides = [(left, 0), (right, 0), (top, 1), (bottom, 1)].map(|(px, axis)| {
             let place = px / self.step as f64 - self.origin[axis] as f64;

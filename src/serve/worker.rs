@@ -395,11 +395,11 @@ impl JobMaker<'_> {
     }
 
     /// Returns a typeface on this machine that contains all letters of a word, if there is one.
-    /// Results are cached.
+    /// The last [`MAX_FACES`] sets of letters are cached.
     fn face(&self, word: &str) -> Option<PathBuf> {
         let letters: BTreeSet<char> = word.chars().filter(|c| !c.is_whitespace()).collect();
         let mut faces = self.faces.borrow_mut();
-        if faces.len() == MAX_FACES {
+        if faces.len() == MAX_FACES && !faces.contains_key(&letters) {
             faces.clear();
         }
         let face = faces.entry(letters).or_insert_with_key(|letters| {

@@ -578,10 +578,10 @@ fn dashed(
     Ok((kurbo::dash(drawn.iter(), offset, &dashes).collect(), 1.5 * least))
 }
 
-/// Replaces subpaths of zero length, and lines up to `shortest`, with points of light if their caps
+/// Replaces subpaths of zero length, and lines up to `max_dash`, with points of light if their caps
 /// are visible. Other such lines are removed. `size` is the page's larger side. Both are in user
 /// units.
-fn with_points(path: &BezPath, shortest: f64, cap: kurbo::Cap, size: f64) -> BezPath {
+fn with_points(path: &BezPath, max_dash: f64, cap: kurbo::Cap, size: f64) -> BezPath {
     let mut kept = BezPath::new();
     for (first, elements) in subpaths(path) {
         let (n_elements, mut part) = (elements.len(), BezPath::new());
@@ -590,10 +590,11 @@ fn with_points(path: &BezPath, shortest: f64, cap: kurbo::Cap, size: f64) -> Bez
         // A dash is a single line. A subpath of zero length has an empty bounding box.
         let extent = part.bounding_box().size();
         let is_dash = matches!(part.elements(), [_, PathEl::LineTo(_)]);
-        let longest = if is_dash { shortest } else { 0.0 };
-        if libm::hypot(extent.width, extent.height) > longest {
+        let max_point = if is_dash { max_dash } else { 0.0 };
+        if libm::hypot(extent.width, extent.height) > max_point {
             kept.extend(part);
         } else if cap != kurbo::Cap::Butt && n_elements > 0 {
+            // A point of light is a short stroke, because a stroke needs two points.
             let half = 0.5 * POINT * size;
             kept.move_to((first.x, first.y + half));
             kept.line_to((first.x, first.y - half));

@@ -151,7 +151,7 @@ impl Scene {
             text::overlay(&mut set_keys, setting, Self::SHAPE.settings());
         }
         let mut file_keys = text::read(toml, file)?;
-        travel::find_files(&mut file_keys, folder);
+        travel::resolve_files(&mut file_keys, folder);
         let mut layers = vec![file_keys, set_keys];
         let preset = match implied::last_name(&layers, "preset") {
             Some(name) => name.parse()?,

@@ -111,7 +111,7 @@ pub(super) fn is_file(name: &str) -> bool {
 }
 
 /// Replaces file names in a scene's table with paths in `folder`. Paths that are absolute stay.
-pub(super) fn find_files(values: &mut Table, folder: &Path) {
+pub(super) fn resolve_files(values: &mut Table, folder: &Path) {
     for (table, keys) in
         [("letters", &["font", "fallback", "drawing"][..]), ("photo", &["background"])]
     {

@@ -19,7 +19,7 @@ type Interval<'a> = &'a (dyn Fn(&[Vec<f64>]) -> Estimate + Sync);
 
 /// Returns the fractions of studies whose interval contains the true value, lies below it, or lies
 /// above it. Each study draws `n` values by `law`, the quantile function of a distribution.
-fn held(
+fn coverage_of(
     law: &(dyn Fn(f64) -> f64 + Sync),
     truth: f64,
     n: u32,
@@ -54,7 +54,7 @@ fn intervals_of_skewed_probabilities_hold_their_mean_as_often_as_they_say() {
         let quantiles = (0..points).map(|k| law((f64::from(k) + 0.5) / f64::from(points)));
         let truth = quantiles.sum::<f64>() / f64::from(points);
         for n in [6, 10, 20, 50, 100] {
-            let [inside, below, above] = held(&law, truth, n, 1000, &mean_of_probabilities);
+            let [inside, below, above] = coverage_of(&law, truth, n, 1000, &mean_of_probabilities);
             println!("{middle} {scale} {n}: {inside:.3} {below:.3} {above:.3}");
             assert!((0.94..=0.99).contains(&inside), "{middle} {scale} {n}: {inside}");
         }
@@ -95,7 +95,7 @@ fn cells(values: &[f64], truth: f64, n_studies: u32, interval: Interval<'_>) -> 
     let law = |u: f64| values[(u * values.len() as f64) as usize];
     let cells = NUMBERS.map(|n| {
         let [inside, below, above] =
-            held(&law, truth, n, n_studies, interval).map(|part| 100.0 * part);
+            coverage_of(&law, truth, n, n_studies, interval).map(|part| 100.0 * part);
         format!("{inside:.1} ({below:.1}, {above:.1})")
     });
     cells.join(" | ")
