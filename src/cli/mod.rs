@@ -132,7 +132,7 @@ verbs! {
              noctograph preview NOOR --set camera.iso=200 --seed 7 -o noor",
         /// Serve the page, which shows photos while you type or draw
         Serve(serve::ServeArgs) "noctograph serve --open",
-        /// Check that a word or a plan is safe to fly, and that the photo shows it
+        /// Check that a word or a plan is safe to fly and shows in the photo
         Check(check::CheckArgs) "noctograph check HELLO --room 4x6x2.5",
         /// Export a plan for drones: scripts, trajectories, shows, gains
         Export(export::ExportArgs)

@@ -91,7 +91,7 @@ fn the_scene_of_another_plan_or_flight_stops_every_verb_that_reads_it() {
         let csv = if arguments.concat().contains("a-flown") { "a-flown.csv" } else { "a.csv" };
         assert!(said.contains(&format!("error: {csv}: found a file with digest")), "{said}");
         let scene = csv.replace(".csv", ".scene.toml");
-        assert!(said.contains(&scene) && said.contains("hint: write both again"), "{said}");
+        assert!(said.contains(&scene) && said.contains("hint: write both files again"), "{said}");
     }
     // Files that are renamed together remain valid.
     for (from, to) in [("b.csv", "c.csv"), ("b.scene.toml", "c.scene.toml")] {

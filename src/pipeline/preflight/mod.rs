@@ -116,7 +116,7 @@ pub fn preflight_flights(
             Err(Error::Infeasible { what, .. }) => {
                 let row = Diagnostic::check("flight", Severity::Stop, None).detailed(what.as_str());
                 let advice = "follow the message, or tune the controller";
-                checks.push(row.say(what, "a flight to its end", advice));
+                checks.push(row.say(what, "a flight that reaches its end", advice));
             }
             Err(error) => return Err(error),
         }
