@@ -33,13 +33,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ._noctograph import Scene, Sessions, least_flights, submission as _submission, trials as _trials
+from ._noctograph import Scene, Sessions, ladder as _ladder, least_flights, submission as _submission, trials as _trials
 from .commands import PathLike, Report, command
 from .errors import InfeasibleError, InputError
-from .studies import Words, _bar, _ranked  # pyright: ignore[reportPrivateUsage]
+from .studies import Words, _bar, _Part, _parts, _ranked  # pyright: ignore[reportPrivateUsage]
 
 #: Number of seeds for a word without one, as in ``noctograph rank --task``.
 SEEDS = 100
+#: Number of cap heights on the ladder of ``acuity``.
+LADDER = 7
 #: Seeds below this limit can be found by trial, as in ``noctograph rank``.
 PUBLIC_SEEDS = 1 << 32
 #: Paths that Python itself needs.
@@ -347,6 +349,7 @@ def grade(
     seeds: int = SEEDS,
     conditions: str = "room",
     seed: int | None = None,
+    acuity: int | None = None,
     workers: int | None = None,
     limits: Limits | None = None,
     progress: Any = True,
@@ -369,6 +372,9 @@ def grade(
     seed : int, optional
         Seed that all seeds are drawn from: by default one that nobody can guess, which ``report["seed"]`` has. One
         below 2**32 can be found by trial, in flight.
+    acuity : int, optional
+        As for `rank`: further seeds of each word at each of seven cap heights, with which the smallest legible letters
+        of each submission are found. Marks do not change.
     workers : int, optional
         Controllers in Python that run at once; by default one for each core. The marks are the same.
     limits : Limits, optional
@@ -410,42 +416,55 @@ def grade(
     counted = list(words.items()) if isinstance(words, dict) else [(word, seeds) for word in words or [task.word]]
     trials = _trials([("task", task)], counted, seed)
     fly = "submission flies" if len(scenes) == 1 else "submissions fly"
-    print(f"{len(scenes)} {fly} {len(trials)} times each, seed {seed}; at least {least} tell two apart", file=sys.stderr)
+    smaller = f" and {LADDER * acuity * len(counted)} times with smaller letters" if acuity else ""
+    print(f"{len(scenes)} {fly} {len(trials)} times each{smaller}, seed {seed}; at least {least} tell two apart", file=sys.stderr)
     warned = _warnings(task, {name: sources.get(name, b"") for name in scenes}, seed)
     for warning in warned:
         print(f"warning: {warning}", file=sys.stderr)
     shown = _shown([os.getcwd(), *(str(file.parent) for file in files.values())])
+    flown: dict[tuple[str, str], list[str]] = {}
 
-    def of_word(job: tuple[str, int]) -> tuple[list[str], str] | Failed:
-        name, index = job
-        drawn = [trial[2] for trial in trials if trial[1] == index]
+    def studies() -> list[list[_Part]]:
+        """What controllers in Python fly: the study, and each rung of its ladder."""
+        named = list(scenes.items())
+        ladder = [] if acuity is None or not named else _ladder(named, counted, seed, acuity)
+        study = list(scenes.values()), _trials(named, counted, seed) if named else []
+        return [list(_parts(named, counted, *flights, sources)) for flights in (study, *ladder)]
+
+    def key(part: _Part) -> tuple[str, str]:
+        return part.name, f"{part.seeds}{part.scene.to_toml()}"
+
+    def of_word(part: _Part) -> tuple[list[str], str] | Failed:
         try:
-            return _fly(Scene(task, word=counted[index][0]), drawn, sources[name], conditions, limits, shown, running)
+            return _fly(part.scene, part.seeds, sources[part.name], conditions, limits, shown, running)
         except Failed as failed:
             return failed
 
-    jobs = [(name, index) for name in sources for index in range(len(counted))]
-    outcomes: dict[str, list[str]] = {name: [] for name in sources}
     left: set[str] = set()
-    with _workers(workers) as (pool, running), _bar(progress if jobs else False, "controllers") as show:
-        for done, ((name, _), result) in enumerate(zip(jobs, pool.map(of_word, jobs), strict=True), 1):
-            if isinstance(result, Failed):
-                unranked.setdefault(name, f"failed: {result}")
-                scenes.pop(name, None)
-            else:
-                outcomes[name] += result[0]
-                left |= {result[1]} - {""}
-            if show is not None:
-                show(done, len(jobs))
+    with _workers(workers) as (pool, running):
+        # Who fails in the study does not fly its ladder, which depends on the scenes that are left.
+        parts = studies()[0]
+        while parts:
+            with _bar(progress, "controllers") as show:
+                for done, (part, result) in enumerate(zip(parts, pool.map(of_word, parts), strict=True), 1):
+                    if isinstance(result, Failed):
+                        unranked.setdefault(part.name, f"failed: {result}")
+                        scenes.pop(part.name, None)
+                    else:
+                        flown[key(part)] = result[0]
+                        left |= {result[1]} - {""}
+                    if show is not None:
+                        show(done, len(parts))
+            parts = [part for study in studies() for part in study if key(part) not in flown]
     for warning in sorted(left):
         print(f"warning: {warning}", file=sys.stderr)
-    flown = {
-        index * len(trials) + at: outcome
-        for index, name in enumerate(scenes)
-        for at, outcome in enumerate(outcomes[name] if name in sources else [])
-    }
+    by_trial, *rungs = [
+        {trial: outcome for part in study for trial, outcome in zip(part.trials, flown[key(part)], strict=True)}
+        for study in studies()
+    ]
     with _bar(progress, "ranking") as show:
-        report = _ranked(list(scenes.items()), counted, conditions, seed, None, flown, unranked, show)
+        named = list(scenes.items())
+        report = _ranked(named, counted, conditions, seed, None, by_trial, unranked, show, (acuity, rungs) if rungs else None)
     report["seed"] = seed
     report.text += "".join(f"\nwarning: {it}\n" for it in warned)
     return report
@@ -461,6 +480,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--words", metavar="WORD[:N],...", help="words, with their numbers of seeds, or a file with one on each line [default: the task's]")
     parser.add_argument("--seed", metavar="N", type=int, help="seed that all seeds are drawn from [default: one that nobody can guess, which is printed]")
     parser.add_argument("--conditions", metavar="NAME|FILE", default="room", help="as of noctograph rank")
+    parser.add_argument("--acuity", metavar="N", type=int, help="also find the smallest legible letters, with N more seeds of each word at each of seven cap heights, as of noctograph rank")
     parser.add_argument("--workers", metavar="N", type=int, help="controllers in Python that run at once")
     for name, most in asdict(Limits()).items():
         kind = int if isinstance(most, int) else float
@@ -479,7 +499,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         counted = {word: int(n or SEEDS) for word, _, n in words} if words else None
         report = grade(
             args.task, given, may=args.may, words=counted, conditions=args.conditions, seed=args.seed,
-            workers=args.workers, limits=limits,
+            acuity=args.acuity, workers=args.workers, limits=limits,
         )  # fmt: skip
         files = {**report.files, "ranking.json": (json.dumps(dict(report), indent=2) + "\n").encode()}
         for name, table in files.items():

@@ -9,7 +9,7 @@ import operator
 import sys
 import time
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -30,6 +30,8 @@ Floats = NDArray[np.float64]
 Words = Mapping[str, int] | Sequence[str]
 Progress = Callable[[int, int], Any] | bool
 Controller = Callable[..., Any]
+#: Trials of a study: indices of contender and word, and the seed.
+Trials = Sequence[tuple[int, int, int]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,6 +222,31 @@ def _kept(
     return json.loads(path.read_text("utf-8"))
 
 
+@dataclass(frozen=True)
+class _Part:
+    """Flights of one word by one controller of Python: indices of their trials, and their seeds."""
+
+    name: str
+    scene: Scene
+    trials: list[int]
+    seeds: list[int]
+
+
+def _parts(
+    named: Sequence[tuple[str, Scene]],
+    counted: Sequence[tuple[str, int]],
+    scenes: Sequence[Scene],
+    trials: Trials,
+    controllers: Collection[str],
+) -> Iterator[_Part]:
+    """Yields the flights of a study, or of a rung of its ladder, by controllers of Python."""
+    for index, (name, _) in enumerate(named):
+        for at, (word, _) in enumerate(counted):
+            chosen = [number for number, trial in enumerate(trials) if trial[:2] == (index, at)]
+            if name in controllers and chosen:
+                yield _Part(name, Scene(scenes[index], word=word), chosen, [trials[number][2] for number in chosen])
+
+
 def _words(scene: Scene, words: Words | None, seeds: int) -> list[tuple[str, int]]:
     """Returns words with their numbers of seeds."""
     if isinstance(words, Mapping):
@@ -355,20 +382,12 @@ def rank(
         named = [(name, it if isinstance(it, Scene) else it[0]) for name, it in scenes.items()]
         counted = _words(named[0][1], words, seeds) if named else []
 
-        def flown_by_python(
-            scenes: Sequence[Scene], trials: Sequence[tuple[int, int, int]]
-        ) -> dict[int, str]:
+        def flown_by_python(scenes: Sequence[Scene], trials: Trials) -> dict[int, str]:
             flown: dict[int, str] = {}
-            for index, (name, _) in enumerate(named):
-                for at, (word, _) in enumerate(counted):
-                    places = [place for place, trial in enumerate(trials) if trial[:2] == (index, at)]
-                    if name not in controllers or not places:
-                        continue
-                    drawn = [trials[place][2] for place in places]
-                    of_word = Scene(scenes[index], word=word)
-                    fly = partial(_fly_controlled, of_word, drawn, *controllers[name], conditions, vectorized, None)
-                    key = (of_word.to_toml(), drawn, conditions, vectorized)
-                    flown.update(zip(places, _kept(folder, controllers[name], key, fly), strict=True))
+            for part in _parts(named, counted, scenes, trials, controllers):
+                fly = partial(_fly_controlled, part.scene, part.seeds, *controllers[part.name], conditions, vectorized, None)
+                key = (part.scene.to_toml(), part.seeds, conditions, vectorized)
+                flown.update(zip(part.trials, _kept(folder, controllers[part.name], key, fly), strict=True))
             return flown
 
         trials = _trials(named, counted, seed) if controllers else []
