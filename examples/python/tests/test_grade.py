@@ -333,7 +333,8 @@ def test_the_command_leaves_marks_and_a_page(tmp_path, capsys):
     page = (output / "report.html").read_text()
     assert "refused: vehicle.mass_kg" in page and "bad&lt;b>" in page
     assert (output / "marks.csv").read_text().startswith("name,place,p_read,low,high,marks,note\ngood,1,")
-    assert main([*arguments, "--may", "letters.font"]) == 2
+    for wrong in (["--may", "letters.font"], ["--words", "I:x"], ["--words", "I:0"], ["--acuity", "0"], ["--seed", "-1"]):
+        assert main([*arguments, *wrong]) == 2, wrong
     command = [sys.executable, "-m", "noctograph.grade", "--help"]
     assert b"--memory-mb" in subprocess.run(command, check=True, capture_output=True).stdout
 

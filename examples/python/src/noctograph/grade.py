@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 from ._noctograph import Scene, Sessions, ladder as _ladder, least_flights, submission as _submission, trials as _trials
 from .commands import PathLike, Report, command
 from .errors import InfeasibleError, InputError
-from .studies import Words, _bar, _Part, _parts, _ranked  # pyright: ignore[reportPrivateUsage]
+from .studies import MOST_FLIGHTS, Words, _bar, _Part, _parts, _ranked, _whole, _words  # pyright: ignore[reportPrivateUsage]
 
 #: Number of seeds for a word without one, as in ``noctograph rank --task``.
 SEEDS = 100
@@ -388,7 +388,8 @@ def grade(
         As of `rank`; ``report["unranked"]`` has what was refused and what failed, ``report.files`` the tables
         with ``marks.csv``.
     """
-    seed = PUBLIC_SEEDS + secrets.randbelow((1 << 64) - PUBLIC_SEEDS) if seed is None else seed
+    seed = PUBLIC_SEEDS + secrets.randbelow((1 << 64) - PUBLIC_SEEDS) if seed is None else _whole("seed", seed)
+    acuity = None if acuity is None else _whole("acuity", acuity, 1, MOST_FLIGHTS)
     task, limits = task if isinstance(task, Scene) else Scene(task), limits or Limits()
     files = _submissions(submissions)
     unranked: dict[str, str] = {}
@@ -413,7 +414,7 @@ def grade(
                 raise
             unranked[name] = f"refused: {error}"
     least = least_flights(len(scenes))
-    counted = list(words.items()) if isinstance(words, dict) else [(word, seeds) for word in words or [task.word]]
+    counted = _words(task, words, seeds)
     trials = _trials([("task", task)], counted, seed)
     fly = "submission flies" if len(scenes) == 1 else "submissions fly"
     smaller = f" and {LADDER * acuity * len(counted)} times with smaller letters" if acuity else ""
@@ -470,6 +471,14 @@ def grade(
     return report
 
 
+def _word(text: str) -> tuple[str, int]:
+    """Returns a word of ``--words`` with its number of seeds."""
+    word, _, n = text.partition(":")
+    if n and not n.isdecimal():
+        raise InputError("--words", text, "a word with its number of seeds", "TEA:100")
+    return word, int(n or SEEDS)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Grades a folder. Returns 1 if a submission was refused or failed."""
     parser = argparse.ArgumentParser(prog="python -m noctograph.grade", description=(__doc__ or "").splitlines()[0])
@@ -491,14 +500,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if args.words and Path(args.words).is_file():
             lines = map(str.strip, Path(args.words).read_text("utf-8").splitlines())
             listed = [line for line in lines if line and not line.startswith("#")]
-        words = [word.partition(":") for word in listed]
         output = Path(args.output)
         output.mkdir(parents=True, exist_ok=True)
         given: Any = args.submissions if len(args.submissions) > 1 else args.submissions[0]
         limits = Limits(**{name: getattr(args, name) for name in asdict(Limits())})
-        counted = {word: int(n or SEEDS) for word, _, n in words} if words else None
+        words = dict(map(_word, listed)) or None
         report = grade(
-            args.task, given, may=args.may, words=counted, conditions=args.conditions, seed=args.seed,
+            args.task, given, may=args.may, words=words, conditions=args.conditions, seed=args.seed,
             acuity=args.acuity, workers=args.workers, limits=limits,
         )  # fmt: skip
         files = {**report.files, "ranking.json": (json.dumps(dict(report), indent=2) + "\n").encode()}

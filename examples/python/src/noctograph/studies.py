@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, SupportsIndex
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,6 +30,8 @@ Floats = NDArray[np.float64]
 Words = Mapping[str, int] | Sequence[str]
 Progress = Callable[[int, int], Any] | bool
 Controller = Callable[..., Any]
+#: Largest seed, and most flights of a study.
+MOST_SEED, MOST_FLIGHTS = (1 << 64) - 1, 500_000
 #: Trials of a study: indices of contender and word, and the seed.
 Trials = Sequence[tuple[int, int, int]]
 
@@ -247,11 +249,19 @@ def _parts(
                 yield _Part(name, Scene(scenes[index], word=word), chosen, [trials[number][2] for number in chosen])
 
 
-def _words(scene: Scene, words: Words | None, seeds: int) -> list[tuple[str, int]]:
+def _whole(place: str, value: SupportsIndex, least: int = 0, most: int = MOST_SEED) -> int:
+    """Returns a whole number within limits, by default a seed."""
+    number = operator.index(value)
+    if not least <= number <= most:
+        raise InputError(place, str(number), f"{least} to {most}", "type another number")
+    return number
+
+
+def _words(scene: Scene, words: Words | None, seeds: SupportsIndex) -> list[tuple[str, int]]:
     """Returns words with their numbers of seeds."""
-    if isinstance(words, Mapping):
-        return list(words.items())
-    return [(word, seeds) for word in ([scene.word] if words is None else words)]
+    named = [scene.word] if words is None else [words] if isinstance(words, str) else words
+    counted = named.items() if isinstance(named, Mapping) else [(word, seeds) for word in named]
+    return [(word, _whole(f"seeds of {word}", n, 1, MOST_FLIGHTS)) for word, n in counted]
 
 
 def fly_many(
@@ -309,7 +319,7 @@ def fly_many(
     try:
         seeds = list(range(operator.index(given)))
     except TypeError:
-        seeds = [operator.index(seed) for seed in given]
+        seeds = [_whole("seeds", seed) for seed in given]
     with _bar(progress, "flying") as show:
         if controller is None and estimator is None:
             return Outcomes(**_outcomes(scenes, seeds, conditions, show))
@@ -376,7 +386,8 @@ def rank(
     if not isinstance(scenes, Mapping):  # pyright: ignore[reportUnnecessaryIsInstance]
         hint = 'a dict names them: rank({"mine": scene, "theirs": other})'
         raise InputError("scenes", type(scenes).__name__, "contenders by name", hint)
-    seed, seeds = operator.index(seed), operator.index(seeds)
+    seed = _whole("seed", seed)
+    acuity = None if acuity is None else _whole("acuity", acuity, 1, MOST_FLIGHTS)
     with _bar(progress, "ranking") as show:
         controllers = {name: (it[1], it[2] if len(it) == 3 else None) for name, it in scenes.items() if not isinstance(it, Scene)}
         named = [(name, it if isinstance(it, Scene) else it[0]) for name, it in scenes.items()]
@@ -446,6 +457,6 @@ def tune(
     Report
         Report with the keys of ``noctograph tune --json`` and all candidates.
     """
-    counted = _words(scene, words, seeds)
+    counted, seed, budget = _words(scene, words, seeds), _whole("seed", seed), _whole("budget", budget, 1)
     text, keys, tuned = _tuning(scene, counted, knobs, budget, conditions, seed, folder, callback)
     return tuned, Report(text, keys)
