@@ -280,8 +280,10 @@ HONEST_WAYS = {
 
 def test_what_flies_in_rank_flies_here_and_flights_share_nothing(tmp_path):
     pytest.importorskip("matplotlib")
-    report = graded(hand_in(tmp_path / "all", HONEST_WAYS), 2)
+    shares = "def controller(state, reference):\n    return [0.6] * 4\n"
+    report = graded(hand_in(tmp_path / "all", {**HONEST_WAYS, "shares.py": shares}), 2)
     assert not report["unranked"], report["unranked"]
+    assert "warning: shares: 2 of 2 flights: the drone never left the floor: its motor commands reach 0.6" in report.text
 
     class Alone:
         steps = 0

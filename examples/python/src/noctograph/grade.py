@@ -255,8 +255,8 @@ def _workers(n: int | None) -> Generator[tuple[ThreadPoolExecutor, _Running]]:
 
 def _fly(
     scene: Scene, seeds: list[int], source: bytes, conditions: str, limits: Limits, shown: Sequence[str], running: _Running
-) -> tuple[list[str], str]:
-    """Returns the outcomes of a controller's flights as JSON, and what could not be blocked."""
+) -> tuple[list[str], list[str], str]:
+    """Returns the outcomes of a controller's flights as JSON, what is doubtful, and what could not be blocked."""
     process, motors = _Process(source, scene, len(seeds), limits, shown, running), np.zeros((len(seeds), 4))
     try:
         estimator = process.estimator if process.estimates else None
@@ -276,7 +276,8 @@ def _fly(
             seen = sessions.observations()
     finally:
         process.end()
-    return sessions.outcomes()[1], process.left
+    _, outcomes, doubtful = sessions.outcomes()
+    return outcomes, doubtful, process.left
 
 
 def _shown(hidden: Sequence[str]) -> list[str]:
@@ -435,13 +436,14 @@ def grade(
     def key(part: _Part) -> tuple[str, str]:
         return part.name, f"{part.seeds}{part.scene.to_toml()}"
 
-    def of_word(part: _Part) -> tuple[list[str], str] | Failed:
+    def of_word(part: _Part) -> tuple[list[str], list[str], str] | Failed:
         try:
             return _fly(part.scene, part.seeds, sources[part.name], conditions, limits, shown, running)
         except Failed as failed:
             return failed
 
     left: set[str] = set()
+    doubts: dict[str, str] = {}
     with _workers(workers) as (pool, running):
         # Who fails in the study does not fly its ladder, which depends on the scenes that are left.
         parts = studies()[0]
@@ -453,11 +455,14 @@ def grade(
                         scenes.pop(part.name, None)
                     else:
                         flown[key(part)] = result[0]
-                        left |= {result[1]} - {""}
+                        if result[1]:
+                            doubts.setdefault(part.name, f"{part.name}: {'; '.join(result[1])}")
+                        left |= {result[2]} - {""}
                     if show is not None:
                         show(done, len(parts))
             parts = [part for study in studies() for part in study if key(part) not in flown]
-    for warning in sorted(left):
+    warned += doubts.values()
+    for warning in [*sorted(left), *doubts.values()]:
         print(f"warning: {warning}", file=sys.stderr)
     by_trial, *rungs = [
         {trial: outcome for part in study for trial, outcome in zip(part.trials, flown[key(part)], strict=True)}
