@@ -20,18 +20,11 @@ pub fn flights_csv(records: &[Record]) -> String {
 pub fn ranking_csv(ranking: &Ranking) -> String {
     let read = ["legibility", "legible", "worst_decile", "all_read"];
     let flown = Flown::<f64>::NAMES.map(|name| estimate(name, &format!("flown/{name}")));
-    let acuity = ranking.acuity.as_ref().map(|_| estimate("acuity_m", "acuity"));
     let columns = columns("place contender flights=n_flights lost=n_lost note")
         .chain(read.into_iter().flat_map(|name| estimate(name, name)))
-        .chain(flown.into_iter().chain(acuity).flatten());
-    // The acuity of a contender is added to its row.
-    let ranked = ranking.measures.iter().map(|measures| {
-        let mut limits = ranking.acuity.iter().flat_map(|acuity| &acuity.limits);
-        let limit = limits.find(|limit| limit.contender == measures.contender);
-        let mut row = value(measures);
-        row["acuity"] = value(&limit.map(|limit| limit.cap_height_m));
-        row
-    });
+        .chain(flown.into_iter().flatten())
+        .chain(acuity_columns(ranking));
+    let ranked = ranking.measures.iter().map(|measures| with_acuity(measures, ranking));
     table(columns, ranked.chain(ranking.unranked.iter().map(value)))
 }
 
@@ -43,7 +36,7 @@ pub fn marks_csv(ranking: &Ranking) -> String {
         // Lost flights and identical submissions are noted for review by a person.
         let lost = (*n_lost > 0).then(|| format!("lost on {n_lost} of {n_flights} flights"));
         let equal = measures.equal_to.as_ref().map(|other| format!("flies exactly as {other}"));
-        let mut row = value(measures);
+        let mut row = with_acuity(measures, ranking);
         row["marks"] = ((1000.0 * measures.legibility.value).round() / 10.0).into();
         row["note"] = lost.into_iter().chain(equal).collect::<Vec<_>>().join("; ").into();
         row
@@ -55,7 +48,21 @@ pub fn marks_csv(ranking: &Ranking) -> String {
     });
     let names = "name=contender place p_read=legibility/value low=legibility/low \
                  high=legibility/high marks note";
-    table(columns(names), ranked.chain(unranked))
+    table(columns(names).chain(acuity_columns(ranking)), ranked.chain(unranked))
+}
+
+/// Returns the columns of the smallest legible letters, or none if they were not measured.
+fn acuity_columns(ranking: &Ranking) -> impl Iterator<Item = Column> {
+    ranking.acuity.iter().flat_map(|_| estimate("acuity_m", "acuity"))
+}
+
+/// Returns a contender's row with its acuity.
+fn with_acuity(measures: &Measures, ranking: &Ranking) -> Value {
+    let mut limits = ranking.acuity.iter().flat_map(|acuity| &acuity.limits);
+    let limit = limits.find(|limit| limit.contender == measures.contender);
+    let mut row = value(measures);
+    row["acuity"] = value(&limit.map(|limit| limit.cap_height_m));
+    row
 }
 
 /// Returns CSV with a row for each candidate in search order, with the values of varied keys.

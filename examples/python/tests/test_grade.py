@@ -1,6 +1,7 @@
 """Marks for a class: cheats and faults cost their owner alone."""
 
 import csv
+import importlib.util
 import io
 import os
 import pathlib
@@ -119,6 +120,39 @@ def test_cheats_and_faults_cost_their_owner_alone(tmp_path):
         note = notes.pop(name.rsplit(".", 1)[0])
         assert note.startswith(why), f"{name}: {note}"
     assert not notes
+
+
+#: A controller that falls over letters lower than 10 cm.
+TALL = """class Controller:
+    def __init__(self, scene):
+        assert scene.get("letters.cap_height_m") > 0.1
+
+    def __call__(self, state, reference):
+        return [0, 0, 0, 0]
+"""
+
+
+def test_the_acuity_of_submissions_is_that_of_rank(tmp_path):
+    files = {**HONEST, "tall.py": TALL, "raises.py": FAULTY["raises.py"]}
+    folder, limits = hand_in(tmp_path / "all", files), Limits(10, 300)
+    report = grade(TASK, folder, seeds=2, seed=5, acuity=1, workers=2, limits=limits, progress=False)
+
+    def cascade(name):
+        spec = importlib.util.spec_from_file_location(name, folder / f"{name}.py")
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        return TASK, module.Cascade
+
+    gains = nc.Scene(TASK, set={"controller.kind": "lqr-integral"})
+    contenders = {"gains": gains, "soft": cascade("soft"), "stiff": cascade("stiff")}
+    ranked = nc.rank(contenders, seeds=2, seed=5, acuity=1, progress=False)
+    assert report["acuity"] == ranked["acuity"] and len(report["acuity"]["limits"]) == 3
+    assert report["measures"] == ranked["measures"], "marks do not depend on the ladder"
+    # Who fails on the ladder fails.
+    *marked, raises, tall = rows(report)
+    assert raises["note"].startswith("failed: ZeroDivisionError") and tall["note"].startswith("failed: AssertionError")
+    limit_m = {limit["contender"]: limit["cap_height_m"]["value"] for limit in ranked["acuity"]["limits"]}
+    assert {row["name"]: float(row["acuity_m"]) for row in marked} == limit_m and tall["acuity_m"] == ""
 
 
 #: What packages do as they are imported: null device, open descriptors, and what they do without if it is refused.
@@ -246,8 +280,10 @@ HONEST_WAYS = {
 
 def test_what_flies_in_rank_flies_here_and_flights_share_nothing(tmp_path):
     pytest.importorskip("matplotlib")
-    report = graded(hand_in(tmp_path / "all", HONEST_WAYS), 2)
+    shares = "def controller(state, reference):\n    return [0.6] * 4\n"
+    report = graded(hand_in(tmp_path / "all", {**HONEST_WAYS, "shares.py": shares}), 2)
     assert not report["unranked"], report["unranked"]
+    assert "warning: shares: 2 of 2 flights: the drone never left the floor: its motor commands reach 0.6" in report.text
 
     class Alone:
         steps = 0
@@ -299,7 +335,8 @@ def test_the_command_leaves_marks_and_a_page(tmp_path, capsys):
     page = (output / "report.html").read_text()
     assert "refused: vehicle.mass_kg" in page and "bad&lt;b>" in page
     assert (output / "marks.csv").read_text().startswith("name,place,p_read,low,high,marks,note\ngood,1,")
-    assert main([*arguments, "--may", "letters.font"]) == 2
+    for wrong in (["--may", "letters.font"], ["--words", "I:x"], ["--words", "I:0"], ["--acuity", "0"], ["--seed", "-1"]):
+        assert main([*arguments, *wrong]) == 2, wrong
     command = [sys.executable, "-m", "noctograph.grade", "--help"]
     assert b"--memory-mb" in subprocess.run(command, check=True, capture_output=True).stdout
 

@@ -114,26 +114,42 @@ fn proportion_of_hits(strata: &[Vec<f64>]) -> Estimate {
     proportion(strata.iter().flatten().map(|value| *value > 0.5))
 }
 
-/// Returns the interval of a contender's rank, from one more than the number of contenders found to
-/// be better, to the number of all contenders less those found to be worse (Mohamad, Goeman, van
-/// Zwet, arXiv:1708.02729). `pool` contains the probabilities of each contender, and `flights`
-/// contains indices into them.
-fn rank_among(pool: &[Vec<f64>], contender: usize, flights: &[Vec<f64>]) -> Estimate {
-    let names: Vec<String> = (0..pool.len()).map(|index| index.to_string()).collect();
+/// Returns the pairs that are distinguished, as numbers of the better and the worse contender.
+/// `pool` contains the probabilities of each contender, and `flights` contains indices into them.
+fn distinguished(pool: &[Vec<f64>], flights: &[Vec<f64>]) -> Vec<[usize; 2]> {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an index")]
     let drawn = pool.iter().map(|values| flights.iter().flatten().map(|k| values[*k as usize]));
-    let drawn = drawn.map(Iterator::collect).zip(&names);
-    let mut drawn: Vec<(Vec<f64>, &String)> = drawn.collect();
+    let names = (0..pool.len()).map(|index| index.to_string());
+    let mut drawn: Vec<(Vec<f64>, String)> = drawn.map(Iterator::collect).zip(names).collect();
     drawn.sort_by(|(a, _), (b, _)| mean(b).total_cmp(&mean(a)));
     let named: Vec<_> = drawn.iter().map(|(values, name)| (name.as_str(), &values[..])).collect();
-    let pairs = pairs(&named);
-    let told_apart = pairs.iter().filter(|pair| pair.distinguishable);
+    let distinguished = pairs(&named).into_iter().filter(|pair| pair.distinguishable);
+    let numbers =
+        distinguished.map(|pair| [pair.better, pair.worse].map(|name| name.parse().unwrap()));
+    numbers.collect()
+}
+
+/// Returns the interval of a contender's rank, from one more than the number of contenders found to
+/// be better, to the number of all contenders less those found to be worse (Mohamad, Goeman, van
+/// Zwet, arXiv:1708.02729).
+fn rank_among(pool: &[Vec<f64>], contender: usize, flights: &[Vec<f64>]) -> Estimate {
     let [mut low, mut high] = [1.0, pool.len() as f64];
-    for pair in told_apart {
-        low += f64::from(pair.worse == names[contender]);
-        high -= f64::from(pair.better == names[contender]);
+    for [better, worse] in distinguished(pool, flights) {
+        low += f64::from(worse == contender);
+        high -= f64::from(better == contender);
     }
     Estimate { value: low, low, high }
+}
+
+/// Returns contenders that are equal: the flights of `pool`, whose probabilities are assigned to
+/// the contenders in each of the four cyclic orders and their reverses.
+fn equals(pool: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let n = pool.len();
+    let contenders = (0..n).map(|contender| {
+        let sources = (0..n).flat_map(|turn| [(contender + turn) % n, (turn + n - contender) % n]);
+        sources.flat_map(|source| pool[source].iter().copied()).collect()
+    });
+    contenders.collect()
 }
 
 fn center_of_differences(strata: &[Vec<f64>]) -> Estimate {
@@ -207,4 +223,13 @@ fn coverage_of_intervals_on_flights() {
         let cells = cells(&flights, rank, FEWER_STUDIES, &interval);
         println!("| rank of four: {} | {rank} | | {cells} |", pool[contender][0].contender);
     }
+    // All ranks of equal contenders are wrong if any pair is distinguished.
+    let equals = equals(&four);
+    let flights: Vec<f64> = (0..equals[0].len()).map(|k| k as f64).collect();
+    let interval = |flights: &[Vec<f64>]| {
+        let low = distinguished(&equals, flights).len() as f64;
+        Estimate { value: low, low, high: f64::INFINITY }
+    };
+    let cells = cells(&flights, 0.0, FEWER_STUDIES, &interval);
+    println!("| ranks of four equal contenders, together | 1 to 4 | | {cells} |");
 }

@@ -33,13 +33,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ._noctograph import Scene, Sessions, least_flights, submission as _submission, trials as _trials
+from ._noctograph import Scene, Sessions, ladder as _ladder, least_flights, submission as _submission, trials as _trials
 from .commands import PathLike, Report, command
 from .errors import InfeasibleError, InputError
-from .studies import Words, _bar, _ranked  # pyright: ignore[reportPrivateUsage]
+from .studies import MOST_FLIGHTS, Words, _bar, _Part, _parts, _ranked, _whole, _words  # pyright: ignore[reportPrivateUsage]
 
 #: Number of seeds for a word without one, as in ``noctograph rank --task``.
 SEEDS = 100
+#: Number of cap heights on the ladder of ``acuity``.
+LADDER = 7
 #: Seeds below this limit can be found by trial, as in ``noctograph rank``.
 PUBLIC_SEEDS = 1 << 32
 #: Paths that Python itself needs.
@@ -253,8 +255,8 @@ def _workers(n: int | None) -> Generator[tuple[ThreadPoolExecutor, _Running]]:
 
 def _fly(
     scene: Scene, seeds: list[int], source: bytes, conditions: str, limits: Limits, shown: Sequence[str], running: _Running
-) -> tuple[list[str], str]:
-    """Returns the outcomes of a controller's flights as JSON, and what could not be blocked."""
+) -> tuple[list[str], list[str], str]:
+    """Returns the outcomes of a controller's flights as JSON, what is doubtful, and what could not be blocked."""
     process, motors = _Process(source, scene, len(seeds), limits, shown, running), np.zeros((len(seeds), 4))
     try:
         estimator = process.estimator if process.estimates else None
@@ -274,7 +276,8 @@ def _fly(
             seen = sessions.observations()
     finally:
         process.end()
-    return sessions.outcomes()[1], process.left
+    _, outcomes, doubtful = sessions.outcomes()
+    return outcomes, doubtful, process.left
 
 
 def _shown(hidden: Sequence[str]) -> list[str]:
@@ -347,6 +350,7 @@ def grade(
     seeds: int = SEEDS,
     conditions: str = "room",
     seed: int | None = None,
+    acuity: int | None = None,
     workers: int | None = None,
     limits: Limits | None = None,
     progress: Any = True,
@@ -369,6 +373,9 @@ def grade(
     seed : int, optional
         Seed that all seeds are drawn from: by default one that nobody can guess, which ``report["seed"]`` has. One
         below 2**32 can be found by trial, in flight.
+    acuity : int, optional
+        As for `rank`: further seeds of each word at each of seven cap heights, with which the smallest legible letters
+        of each submission are found. Marks do not change.
     workers : int, optional
         Controllers in Python that run at once; by default one for each core. The marks are the same.
     limits : Limits, optional
@@ -382,7 +389,8 @@ def grade(
         As of `rank`; ``report["unranked"]`` has what was refused and what failed, ``report.files`` the tables
         with ``marks.csv``.
     """
-    seed = PUBLIC_SEEDS + secrets.randbelow((1 << 64) - PUBLIC_SEEDS) if seed is None else seed
+    seed = PUBLIC_SEEDS + secrets.randbelow((1 << 64) - PUBLIC_SEEDS) if seed is None else _whole("seed", seed)
+    acuity = None if acuity is None else _whole("acuity", acuity, 1, MOST_FLIGHTS)
     task, limits = task if isinstance(task, Scene) else Scene(task), limits or Limits()
     files = _submissions(submissions)
     unranked: dict[str, str] = {}
@@ -407,48 +415,73 @@ def grade(
                 raise
             unranked[name] = f"refused: {error}"
     least = least_flights(len(scenes))
-    counted = list(words.items()) if isinstance(words, dict) else [(word, seeds) for word in words or [task.word]]
+    counted = _words(task, words, seeds)
     trials = _trials([("task", task)], counted, seed)
     fly = "submission flies" if len(scenes) == 1 else "submissions fly"
-    print(f"{len(scenes)} {fly} {len(trials)} times each, seed {seed}; at least {least} tell two apart", file=sys.stderr)
+    smaller = f" and {LADDER * acuity * len(counted)} times with smaller letters" if acuity else ""
+    print(f"{len(scenes)} {fly} {len(trials)} times each{smaller}, seed {seed}; at least {least} tell two apart", file=sys.stderr)
     warned = _warnings(task, {name: sources.get(name, b"") for name in scenes}, seed)
     for warning in warned:
         print(f"warning: {warning}", file=sys.stderr)
     shown = _shown([os.getcwd(), *(str(file.parent) for file in files.values())])
+    flown: dict[tuple[str, str], list[str]] = {}
 
-    def of_word(job: tuple[str, int]) -> tuple[list[str], str] | Failed:
-        name, index = job
-        drawn = [trial[2] for trial in trials if trial[1] == index]
+    def studies() -> list[list[_Part]]:
+        """What controllers in Python fly: the study, and each rung of its ladder."""
+        named = list(scenes.items())
+        ladder = [] if acuity is None or not named else _ladder(named, counted, seed, acuity)
+        study = list(scenes.values()), _trials(named, counted, seed) if named else []
+        return [list(_parts(named, counted, *flights, sources)) for flights in (study, *ladder)]
+
+    def key(part: _Part) -> tuple[str, str]:
+        return part.name, f"{part.seeds}{part.scene.to_toml()}"
+
+    def of_word(part: _Part) -> tuple[list[str], list[str], str] | Failed:
         try:
-            return _fly(Scene(task, word=counted[index][0]), drawn, sources[name], conditions, limits, shown, running)
+            return _fly(part.scene, part.seeds, sources[part.name], conditions, limits, shown, running)
         except Failed as failed:
             return failed
 
-    jobs = [(name, index) for name in sources for index in range(len(counted))]
-    outcomes: dict[str, list[str]] = {name: [] for name in sources}
     left: set[str] = set()
-    with _workers(workers) as (pool, running), _bar(progress if jobs else False, "controllers") as show:
-        for done, ((name, _), result) in enumerate(zip(jobs, pool.map(of_word, jobs), strict=True), 1):
-            if isinstance(result, Failed):
-                unranked.setdefault(name, f"failed: {result}")
-                scenes.pop(name, None)
-            else:
-                outcomes[name] += result[0]
-                left |= {result[1]} - {""}
-            if show is not None:
-                show(done, len(jobs))
-    for warning in sorted(left):
+    doubts: dict[str, str] = {}
+    with _workers(workers) as (pool, running):
+        # Who fails in the study does not fly its ladder, which depends on the scenes that are left.
+        parts = studies()[0]
+        while parts:
+            with _bar(progress, "controllers") as show:
+                for done, (part, result) in enumerate(zip(parts, pool.map(of_word, parts), strict=True), 1):
+                    if isinstance(result, Failed):
+                        unranked.setdefault(part.name, f"failed: {result}")
+                        scenes.pop(part.name, None)
+                    else:
+                        flown[key(part)] = result[0]
+                        if result[1]:
+                            doubts.setdefault(part.name, f"{part.name}: {'; '.join(result[1])}")
+                        left |= {result[2]} - {""}
+                    if show is not None:
+                        show(done, len(parts))
+            parts = [part for study in studies() for part in study if key(part) not in flown]
+    warned += doubts.values()
+    for warning in [*sorted(left), *doubts.values()]:
         print(f"warning: {warning}", file=sys.stderr)
-    flown = {
-        index * len(trials) + at: outcome
-        for index, name in enumerate(scenes)
-        for at, outcome in enumerate(outcomes[name] if name in sources else [])
-    }
+    by_trial, *rungs = [
+        {trial: outcome for part in study for trial, outcome in zip(part.trials, flown[key(part)], strict=True)}
+        for study in studies()
+    ]
     with _bar(progress, "ranking") as show:
-        report = _ranked(list(scenes.items()), counted, conditions, seed, None, flown, unranked, show)
+        named = list(scenes.items())
+        report = _ranked(named, counted, conditions, seed, None, by_trial, unranked, show, (acuity, rungs) if rungs else None)
     report["seed"] = seed
     report.text += "".join(f"\nwarning: {it}\n" for it in warned)
     return report
+
+
+def _word(text: str) -> tuple[str, int]:
+    """Returns a word of ``--words`` with its number of seeds."""
+    word, _, n = text.partition(":")
+    if n and not n.isdecimal():
+        raise InputError("--words", text, "a word with its number of seeds", "TEA:100")
+    return word, int(n or SEEDS)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -461,6 +494,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--words", metavar="WORD[:N],...", help="words, with their numbers of seeds, or a file with one on each line [default: the task's]")
     parser.add_argument("--seed", metavar="N", type=int, help="seed that all seeds are drawn from [default: one that nobody can guess, which is printed]")
     parser.add_argument("--conditions", metavar="NAME|FILE", default="room", help="as of noctograph rank")
+    parser.add_argument("--acuity", metavar="N", type=int, help="also find the smallest legible letters, with N more seeds of each word at each of seven cap heights, as of noctograph rank")
     parser.add_argument("--workers", metavar="N", type=int, help="controllers in Python that run at once")
     for name, most in asdict(Limits()).items():
         kind = int if isinstance(most, int) else float
@@ -471,15 +505,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if args.words and Path(args.words).is_file():
             lines = map(str.strip, Path(args.words).read_text("utf-8").splitlines())
             listed = [line for line in lines if line and not line.startswith("#")]
-        words = [word.partition(":") for word in listed]
         output = Path(args.output)
         output.mkdir(parents=True, exist_ok=True)
         given: Any = args.submissions if len(args.submissions) > 1 else args.submissions[0]
         limits = Limits(**{name: getattr(args, name) for name in asdict(Limits())})
-        counted = {word: int(n or SEEDS) for word, _, n in words} if words else None
+        words = dict(map(_word, listed)) or None
         report = grade(
-            args.task, given, may=args.may, words=counted, conditions=args.conditions, seed=args.seed,
-            workers=args.workers, limits=limits,
+            args.task, given, may=args.may, words=words, conditions=args.conditions, seed=args.seed,
+            acuity=args.acuity, workers=args.workers, limits=limits,
         )  # fmt: skip
         files = {**report.files, "ranking.json": (json.dumps(dict(report), indent=2) + "\n").encode()}
         for name, table in files.items():

@@ -9,12 +9,12 @@ import operator
 import sys
 import time
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, SupportsIndex
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,6 +30,10 @@ Floats = NDArray[np.float64]
 Words = Mapping[str, int] | Sequence[str]
 Progress = Callable[[int, int], Any] | bool
 Controller = Callable[..., Any]
+#: Largest seed, and most flights of a study.
+MOST_SEED, MOST_FLIGHTS = (1 << 64) - 1, 500_000
+#: Trials of a study: indices of contender and word, and the seed.
+Trials = Sequence[tuple[int, int, int]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,11 +224,44 @@ def _kept(
     return json.loads(path.read_text("utf-8"))
 
 
-def _words(scene: Scene, words: Words | None, seeds: int) -> list[tuple[str, int]]:
+@dataclass(frozen=True)
+class _Part:
+    """Flights of one word by one controller of Python: indices of their trials, and their seeds."""
+
+    name: str
+    scene: Scene
+    trials: list[int]
+    seeds: list[int]
+
+
+def _parts(
+    named: Sequence[tuple[str, Scene]],
+    counted: Sequence[tuple[str, int]],
+    scenes: Sequence[Scene],
+    trials: Trials,
+    controllers: Collection[str],
+) -> Iterator[_Part]:
+    """Yields the flights of a study, or of a rung of its ladder, by controllers of Python."""
+    for index, (name, _) in enumerate(named):
+        for at, (word, _) in enumerate(counted):
+            chosen = [number for number, trial in enumerate(trials) if trial[:2] == (index, at)]
+            if name in controllers and chosen:
+                yield _Part(name, Scene(scenes[index], word=word), chosen, [trials[number][2] for number in chosen])
+
+
+def _whole(place: str, value: SupportsIndex, least: int = 0, most: int = MOST_SEED) -> int:
+    """Returns a whole number within limits, by default a seed."""
+    number = operator.index(value)
+    if not least <= number <= most:
+        raise InputError(place, str(number), f"{least} to {most}", "type another number")
+    return number
+
+
+def _words(scene: Scene, words: Words | None, seeds: SupportsIndex) -> list[tuple[str, int]]:
     """Returns words with their numbers of seeds."""
-    if isinstance(words, Mapping):
-        return list(words.items())
-    return [(word, seeds) for word in ([scene.word] if words is None else words)]
+    named = [scene.word] if words is None else [words] if isinstance(words, str) else words
+    counted = named.items() if isinstance(named, Mapping) else [(word, seeds) for word in named]
+    return [(word, _whole(f"seeds of {word}", n, 1, MOST_FLIGHTS)) for word, n in counted]
 
 
 def fly_many(
@@ -282,7 +319,7 @@ def fly_many(
     try:
         seeds = list(range(operator.index(given)))
     except TypeError:
-        seeds = [operator.index(seed) for seed in given]
+        seeds = [_whole("seeds", seed) for seed in given]
     with _bar(progress, "flying") as show:
         if controller is None and estimator is None:
             return Outcomes(**_outcomes(scenes, seeds, conditions, show))
@@ -349,26 +386,19 @@ def rank(
     if not isinstance(scenes, Mapping):  # pyright: ignore[reportUnnecessaryIsInstance]
         hint = 'a dict names them: rank({"mine": scene, "theirs": other})'
         raise InputError("scenes", type(scenes).__name__, "contenders by name", hint)
-    seed, seeds = operator.index(seed), operator.index(seeds)
+    seed = _whole("seed", seed)
+    acuity = None if acuity is None else _whole("acuity", acuity, 1, MOST_FLIGHTS)
     with _bar(progress, "ranking") as show:
         controllers = {name: (it[1], it[2] if len(it) == 3 else None) for name, it in scenes.items() if not isinstance(it, Scene)}
         named = [(name, it if isinstance(it, Scene) else it[0]) for name, it in scenes.items()]
         counted = _words(named[0][1], words, seeds) if named else []
 
-        def flown_by_python(
-            scenes: Sequence[Scene], trials: Sequence[tuple[int, int, int]]
-        ) -> dict[int, str]:
+        def flown_by_python(scenes: Sequence[Scene], trials: Trials) -> dict[int, str]:
             flown: dict[int, str] = {}
-            for index, (name, _) in enumerate(named):
-                for at, (word, _) in enumerate(counted):
-                    places = [place for place, trial in enumerate(trials) if trial[:2] == (index, at)]
-                    if name not in controllers or not places:
-                        continue
-                    drawn = [trials[place][2] for place in places]
-                    of_word = Scene(scenes[index], word=word)
-                    fly = partial(_fly_controlled, of_word, drawn, *controllers[name], conditions, vectorized, None)
-                    key = (of_word.to_toml(), drawn, conditions, vectorized)
-                    flown.update(zip(places, _kept(folder, controllers[name], key, fly), strict=True))
+            for part in _parts(named, counted, scenes, trials, controllers):
+                fly = partial(_fly_controlled, part.scene, part.seeds, *controllers[part.name], conditions, vectorized, None)
+                key = (part.scene.to_toml(), part.seeds, conditions, vectorized)
+                flown.update(zip(part.trials, _kept(folder, controllers[part.name], key, fly), strict=True))
             return flown
 
         trials = _trials(named, counted, seed) if controllers else []
@@ -427,6 +457,6 @@ def tune(
     Report
         Report with the keys of ``noctograph tune --json`` and all candidates.
     """
-    counted = _words(scene, words, seeds)
+    counted, seed, budget = _words(scene, words, seeds), _whole("seed", seed), _whole("budget", budget, 1)
     text, keys, tuned = _tuning(scene, counted, knobs, budget, conditions, seed, folder, callback)
     return tuned, Report(text, keys)
