@@ -5,7 +5,6 @@
 
 use serde::Serialize;
 
-use noctograph_core::crazyflie::{Feature, LEVEL_OUT_S, MOTORS_STOP_S, Release};
 use noctograph_core::flight::{BATTERY_V, Flight};
 use noctograph_sim::sensors::Positioning;
 use noctograph_sim::vehicle::BatteryOptions;
@@ -46,7 +45,7 @@ pub const REST_V: f64 = 3.8;
 pub const LOST_FACTOR: f64 = 10.0;
 /// Voltage under load at which the script lands at once, V (`DEFAULT_BAT_CRITICAL_LOW_VOLTAGE` on
 /// all platforms).
-pub(super) const CRITICAL_BATTERY_V: f64 = 3.0;
+pub const CRITICAL_BATTERY_V: f64 = 3.0;
 /// Time below the low voltage after which the firmware reports a low battery, s
 /// (`DEFAULT_BAT_LOW_DURATION_TO_TRIGGER_SEC`, `platform_defaults_cf2.h`). Shorter sags are
 /// ignored.
@@ -226,51 +225,6 @@ pub struct Checks {
     pub scene_sha256: String,
     /// Scene (TOML), which is copied to the log.
     pub scene_toml: String,
-}
-
-/// Returns the table of all checks for `docs/fly.md`, in the order in which they are performed. Its
-/// columns are the check, the program that performs it, its limit, and the source.
-pub fn table() -> String {
-    let [cf2, brushless] = [Platform::Crazyflie2, Platform::Brushless].map(Platform::low_battery_v);
-    let [lighthouse, uwb] = [Positioning::Sweeps, Positioning::UwbTwr]
-        .map(|positioning| 100.0 * libm::sqrt(variance_m2(positioning)));
-    let [nose, level] = [NOSE_RAD, LEVEL_RAD].map(|rad| rad.to_degrees().round());
-    let corner = 100.0 * CORNER_M;
-    let releases = [Release::OLDEST, Feature::CLOCK.last_without(), Feature::HEADING.since];
-    let [oldest, slow, heading] = releases.map(Release::name);
-    // The numbers are taken from the code, so that the page cannot differ.
-    format!(
-        "\
-| what is checked | by | limit | from |
-|---|---|---|---|
-| the plan's volume, speed, acceleration, tilt, motors, lights | `check` | those of the profile, within the room | `src/pipeline/preflight/profile.rs` |
-| one frame: stations or anchors, take-off marks, a camera whose position is given | `check` | in the room (`--room`) to {FRAME_M} m. A camera outside the room causes a warning | x = y = 0 is the middle of the floor |
-| a plan from the floor to the floor, with velocities that match its positions | `check` | to within a quarter of the distance | `src/pipeline/preflight/plans.rs` |
-| people (`sensors.lighthouse.people_m`) beside take-off, flight and landing | `check` | the audience's distance: {MOTORS_STOP_S:.0} s at the maximum speed of the plan's positions, or at the maximum horizontal speed of the flight, plus the fall. At least {LEAST_PEOPLE_M:.0} m | `COMMANDER_WDT_TIMEOUT_SHUTDOWN` |
-| objects beside take-off, flight and landing: camera, `floor.steps`, stations or anchors, mirrors and panes. The height above objects on the floor is ignored, because a drone lands straight down | `check` | 0.2 m as from walls, plus the drone's radius: 0.28 m for a Crazyflie | `src/pipeline/preflight/obstacles.rs` |
-| the room's unit | `--room`, `check` | `check` asks about a ceiling of 7.5 m or more, and warns of one of 6.5 m or more | rooms in feet: 13x20x8 |
-| weight, wind, estimator, base stations close together, sunlight on Lighthouse | `check` | indoors 150 g and 1.5 m/s, or 4 m/s below 100 g; stations 1 m apart | `src/pipeline/preflight/surroundings.rs` |
-| thrust to hover | `check` | 85 % of the maximum thrust at the end of the flight | the simulated flight |
-| the camera's position | `check` | a common camera inside the room shows the whole word | `src/pipeline/preflight/placement.rs` |
-| cflib | cflib | {OLDEST_CFLIB} or newer | arming, protocol 8 |
-| drone and positioning, lamp and card decks | cflib | those of the scene | version port, `deck.*` |
-| firmware | cflib | {oldest} or newer; clock of trajectories 84/85 up to {slow} | `supervisor.c`, `usec_time.c` |
-| heading of a trajectory on board, unless it is 0 | `export`, cflib | firmware {heading} or newer | `pptraj_compressed.c` |
-| firmware's clock, from the release given by `--firmware` | Crazyswarm2 | 84/85 up to {slow}, for which the trajectory is sped up | its server reads no parameters |
-| names of parameters and logs | cflib, Crazyswarm2 | all on the drone | tables of contents of the drone |
-| state: can fly, and is not locked, tumbled, crashed or with a deck fault | cflib, Crazyswarm2, firmware | `supervisor.info` before take-off. In the air the firmware itself stops the motors | `supervisor.c` |
-| position settled | cflib, Crazyswarm2 | σ of x, y, z: {lighthouse:.0} cm with Lighthouse, {uwb:.0} cm with ultra-wideband | `kalman.varP*` |
-| place (start position) | cflib, Crazyswarm2 | {START_RADIUS_M} m from the plan's start | only the path from this start to the first letter was checked |
-| nose, roll and pitch | cflib, Crazyswarm2 | {nose:.0}°, {level:.0}° | `stateEstimate.*` |
-| battery at rest | `check`, cflib, Crazyswarm2 | minus the voltage sag in this flight, above the low-battery voltage | the simulated flight |
-| battery in the air | `check`, cflib, Crazyswarm2, firmware | {cf2} V (brushless {brushless} V) for {LOW_BATTERY_S:.0} s, in scripts {CRITICAL_BATTERY_V:.1} V for {WRONG_S} s | `platform_defaults_*.h` |
-| fence | cflib, Crazyswarm2 | {FENCE_M} m outside the plan's volume, for {WRONG_S} s | half the distance of the volume from walls |
-| distance from the target | cflib | {MAX_POSITION_ERROR_M} m for {WRONG_S} s | PID trails by 0.45 m at 0.8 m/s |
-| values that are not numbers: position, variances, angles, battery | cflib, Crazyswarm2 | before take-off and, for {WRONG_S} s, in the air | such a value (NaN) exceeds no limit |
-| radio silence | cflib, Crazyswarm2, firmware | the firmware, with setpoints, levels the drone after {LEVEL_OUT_S} s, and stops the motors after {MOTORS_STOP_S:.0} s. cflib lands the drone after 1 s without one of the log blocks, over a new link if it receives nothing at all. Crazyswarm2 lands all drones after {MOTORS_STOP_S:.0} s without one of its topics | `supervisor.c` |
-| Lighthouse geometry (`--check-geometry`) | cflib | {corner:.0} cm at the corners of the canvas | accuracy of a hand and a ruler |
-"
-    )
 }
 
 #[cfg(test)]
