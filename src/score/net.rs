@@ -55,8 +55,10 @@ struct Layer {
 /// Number of channels in a vector register.
 const LANES: usize = 8;
 
-/// Maximum number of vectors of sums that fit into the registers.
-const MOST_EIGHTS: usize = 8;
+/// Maximum number of vectors of sums per column, and number of columns whose sums are computed
+/// together. Their product is the number of vectors that fit into the registers.
+const MOST_EIGHTS: usize = 2;
+const COLUMNS: usize = 4;
 
 /// Activations, stored row by row, with the channels of a pixel next to each other.
 struct Map {
@@ -282,70 +284,95 @@ impl<R: Registers> NullaryFnOnce for With<'_, R> {
         // Each group size is compiled separately, so that the totals stay in registers.
         match sums.layer.eights {
             1 => sums.add_groups::<1>(registers),
-            2 => sums.add_groups::<2>(registers),
-            3 => sums.add_groups::<3>(registers),
-            4 => sums.add_groups::<4>(registers),
-            5 => sums.add_groups::<5>(registers),
-            6 => sums.add_groups::<6>(registers),
-            7 => sums.add_groups::<7>(registers),
             _ => sums.add_groups::<MOST_EIGHTS>(registers),
         }
     }
 }
 
 impl Sums<'_> {
-    /// Computes all sums, in groups of `N` blocks of eight channels.
+    /// Computes all sums, in groups of `N` blocks of eight channels. The weights of a group stay in
+    /// the innermost cache for all pixels.
     #[inline(always)]
     fn add_groups<const N: usize>(&mut self, registers: impl Registers) {
-        let Layer {
-            kernel: [kh, kw],
-            channels: [ci, co],
-            dilation,
-            weights,
-            biases,
-            multipliers,
-            ..
-        } = self.layer;
+        let layer = self.layer;
+        let Layer { kernel: [kh, kw], channels: [ci, co], .. } = *layer;
+        for (group, weights) in layer.weights.chunks_exact(kh * kw * ci / 2 * N).enumerate() {
+            let first = group * N * LANES;
+            let biases: [i32x8; N] = std::array::from_fn(|n| {
+                let eight = layer.biases[first + n * LANES..].first_chunk::<LANES>();
+                cast(*eight.expect("biases of whole eights"))
+            });
+            for (y, sums) in self.sums.chunks_exact_mut(self.width * co).enumerate() {
+                for (block, sums) in sums.chunks_mut(COLUMNS * co).enumerate() {
+                    // At the end of a row, the last column stands in for those beyond it.
+                    let columns =
+                        std::array::from_fn(|n| (block * COLUMNS + n).min(self.width - 1));
+                    let rows = &self.rows[y..y + kh];
+                    let totals = layer.totals(biases, weights, rows, columns, registers);
+                    for (sums, totals) in sums.chunks_exact_mut(co).zip(totals) {
+                        layer.scale(first, totals, &mut sums[first..]);
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl Layer {
+    /// Returns the totals of a group of channels in some columns. Each vector of weights is loaded
+    /// once for all of them.
+    #[inline(always)]
+    fn totals<const N: usize>(
+        &self,
+        biases: [i32x8; N],
+        weights: &[i16x16],
+        rows: &[Vec<[i16; 2]>],
+        columns: [usize; COLUMNS],
+        registers: impl Registers,
+    ) -> [[i32x8; N]; COLUMNS] {
+        let Self { kernel: [_, kw], channels: [ci, _], dilation, .. } = *self;
         let run = kw * ci / 2;
         // Without dilation, a row of the kernel covers one contiguous piece of columns.
         let (piece, step) = dilation.map_or((run, run), |dilation| (ci / 2, dilation * ci / 2));
-        let groups = weights.chunks_exact(kh * run * N);
-        for (y, sums) in self.sums.chunks_exact_mut(self.width * co).enumerate() {
-            for (x, sums) in sums.chunks_exact_mut(*co).enumerate() {
-                for (group, weights) in groups.clone().enumerate() {
-                    // The totals are initialized with the biases, and stay in registers.
-                    let first = group * N * LANES;
-                    let mut totals: [i32x8; N] = std::array::from_fn(|n| {
-                        let eight = biases[first + n * LANES..].first_chunk::<LANES>();
-                        cast(*eight.expect("biases of whole eights"))
-                    });
-                    let mut pieces = weights.chunks_exact(piece * N);
-                    for row in &self.rows[y..y + kh] {
-                        for (n, weights) in (0..run / piece).zip(&mut pieces) {
-                            let pairs = &row[x * ci / 2 + n * step..][..piece];
-                            for (pair, weights) in pairs.iter().zip(weights.as_chunks::<N>().0) {
-                                for (total, weights) in totals.iter_mut().zip(weights) {
-                                    *total = registers.add(*total, *pair, *weights);
-                                }
-                            }
-                        }
-                    }
-                    // The multipliers scale the totals in units of 2⁻²⁴.
-                    let group_sums = sums[first..].chunks_mut(LANES).take(N);
-                    for (n, (sums, total)) in group_sums.zip(totals).enumerate() {
-                        let totals: [i32; LANES] = cast(total);
-                        let factors = multipliers[first + n * LANES..].first_chunk::<LANES>();
-                        let factors = factors.expect("multipliers of whole eights");
-                        #[expect(clippy::cast_possible_truncation, reason = "logits are small")]
-                        let scaled: [i32; LANES] = std::array::from_fn(|lane| {
-                            ((i64::from(totals[lane]) * i64::from(factors[lane])) >> 24) as i32
-                        });
-                        match sums.as_chunks_mut().0.first_mut() {
-                            Some(sums) => *sums = scaled,
-                            None => sums.copy_from_slice(&scaled[..sums.len()]),
-                        }
-                    }
+        // The totals are initialized with the biases, and stay in registers. In a nested array they
+        // would be stored after each addition.
+        let [mut p, mut q, mut r, mut s] = [biases; COLUMNS];
+        let add = |totals: &mut [i32x8; N], pair: &[i16; 2], weights: &[i16x16; N]| {
+            for (total, weights) in totals.iter_mut().zip(weights) {
+                *total = registers.add(*total, *pair, *weights);
+            }
+        };
+        let mut pieces = weights.chunks_exact(piece * N);
+        for row in rows {
+            for (n, weights) in (0..run / piece).zip(&mut pieces) {
+                let [a, b, c, d] = columns.map(|x| row[x * ci / 2 + n * step..][..piece].iter());
+                let weights = weights.as_chunks::<N>().0.iter();
+                for ((((weights, a), b), c), d) in weights.zip(a).zip(b).zip(c).zip(d) {
+                    add(&mut p, a, weights);
+                    add(&mut q, b, weights);
+                    add(&mut r, c, weights);
+                    add(&mut s, d, weights);
                 }
+            }
+        }
+        [p, q, r, s]
+    }
+
+    /// Writes totals, multiplied by the factors of their channels in units of 2⁻²⁴, to `sums`.
+    /// `first` is the first channel.
+    #[inline(always)]
+    fn scale<const N: usize>(&self, first: usize, totals: [i32x8; N], sums: &mut [i32]) {
+        for (n, (sums, total)) in sums.chunks_mut(LANES).zip(totals).enumerate() {
+            let totals: [i32; LANES] = cast(total);
+            let factors = self.multipliers[first + n * LANES..].first_chunk::<LANES>();
+            let factors = factors.expect("multipliers of whole eights");
+            #[expect(clippy::cast_possible_truncation, reason = "logits are small")]
+            let scaled: [i32; LANES] = std::array::from_fn(|lane| {
+                ((i64::from(totals[lane]) * i64::from(factors[lane])) >> 24) as i32
+            });
+            match sums.as_chunks_mut().0.first_mut() {
+                Some(sums) => *sums = scaled,
+                None => sums.copy_from_slice(&scaled[..sums.len()]),
             }
         }
     }
