@@ -47,6 +47,15 @@ def cpu_s(server):
     return sum(int(it[11]) + int(it[12]) for it in processes(server).values()) / os.sysconf("SC_CLK_TCK")
 
 
+def cpu_of_family_s(process):
+    """Returns the processor time of a process and all processes that it started."""
+    known = {other.name: fields for other in Path("/proc").glob("[0-9]*") if (fields := stat(other))}
+    family = {str(process.pid)}
+    while more := {name for name, fields in known.items() if fields[1] in family} - family:
+        family |= more
+    return sum(int(known[name][n]) for name in family & known.keys() for n in (11, 12)) / os.sysconf("SC_CLK_TCK")
+
+
 def stat(process):
     try:
         return (process / "stat").read_text().rsplit(")", 1)[1].split()

@@ -10,6 +10,8 @@ import tempfile
 import time
 from pathlib import Path
 
+from browser import cpu_of_family_s
+
 MAC = "/Applications/Firefox.app/Contents/MacOS/firefox"
 # Path of the program, or None if it is not installed.
 FIREFOX = next(filter(None, map(shutil.which, ("firefox-esr", "firefox", MAC))), None)
@@ -69,6 +71,10 @@ class Firefox:
         told = self._say("WebDriver:ExecuteScript", script=FAULTS, args=[])["value"]
         self._say("Marionette:SetContext", value="content")
         return [fault for fault in told if fault.startswith(url)]
+
+    def cpu_s(self):
+        """Returns the processor time of all processes of the browser."""
+        return cpu_of_family_s(self.process)
 
     def end(self):
         self.process.kill()

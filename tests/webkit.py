@@ -13,7 +13,7 @@ import urllib.error
 import urllib.request
 from pathlib import Path
 
-from browser import stat
+from browser import cpu_of_family_s
 
 DRIVER, SCREEN = map(shutil.which, ("WebKitWebDriver", "Xvfb"))
 # Path of the browser, or None if a part is not installed.
@@ -75,11 +75,7 @@ class WebKit:
 
     def cpu_s(self):
         """Returns the processor time of all processes of the browser."""
-        known = {process.name: fields for process in Path("/proc").glob("[0-9]*") if (fields := stat(process))}
-        family = {str(self.driver.pid)}
-        while more := {name for name, fields in known.items() if fields[1] in family} - family:
-            family |= more
-        return sum(int(known[name][n]) for name in family if name in known for n in (11, 12)) / os.sysconf("SC_CLK_TCK")
+        return cpu_of_family_s(self.driver)
 
     def end(self):
         for process in (self.driver, self.screen):
