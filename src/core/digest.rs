@@ -56,6 +56,13 @@ pub struct Digested<W> {
     pub digest: Option<Digest>,
 }
 
+impl<W: Write> Digested<W> {
+    /// Wraps a writer, and computes the digest of everything written through it.
+    pub fn new(to: W) -> Self {
+        Self { to, digest: Some(Digest::default()) }
+    }
+}
+
 impl<W: Write> Write for Digested<W> {
     /// Writes bytes, and adds those that were written to the digest, if one is wanted.
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {

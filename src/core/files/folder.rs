@@ -1,13 +1,14 @@
 //! Output folder whose files all appear at the same time.
 
-use std::fs::{File, OpenOptions};
-use std::io::Write;
+use std::fs::{File, OpenOptions, Permissions};
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use tempfile::TempDir;
 
-use super::output::{Buffer, Output, STANDARD_OUTPUT, WholeFile};
-use super::staging::{folder_in, locked};
+use super::output::{BUFFER_BYTES, Output, STANDARD_OUTPUT, WholeFile};
+use super::staging::{Former, Place, folder_in, locked};
+use crate::digest::{Digest, Digested};
 use crate::error::{Error, Result};
 
 /// Folder whose files are staged inside it until all of them are written.
@@ -21,8 +22,8 @@ pub struct OutputFolder {
     lock: Option<File>,
     /// True if the folder is new. A new folder is removed again unless the files are kept.
     made: bool,
-    /// The written files, in the order of writing.
-    files: Vec<WholeFile>,
+    /// Names of the written files, in the order of writing.
+    names: Vec<String>,
     /// Index of the file that receives its final name before the others.
     first: usize,
     /// Files of an earlier set, which are removed once the new set is complete.
@@ -46,8 +47,8 @@ impl OutputFolder {
         let made = !path.exists();
         std::fs::create_dir_all(path).map_err(unwritable)?;
         let (staging, lock) = folder_in(path).map_err(unwritable)?;
-        let (path, files, former) = (path.to_owned(), Vec::new(), Vec::new());
-        Ok(Self { path, staging, lock, made, files, first: 0, former })
+        let (path, names, former) = (path.to_owned(), Vec::new(), Vec::new());
+        Ok(Self { path, staging, lock, made, names, first: 0, former })
     }
 
     /// Checks, before time-consuming work, that files with these names can be written.
@@ -72,42 +73,35 @@ impl OutputFolder {
     }
 
     /// Stages a file that will be called `name`, and returns its digest.
-    ///
-    /// # Errors
-    ///
-    /// Returns the errors of [`Self::write_with`].
     pub fn write(&mut self, name: &str, content: impl AsRef<[u8]>) -> Result<String> {
         self.write_with(name, |out| out.write_all(content.as_ref()))
     }
 
     /// Stages the file that receives its final name before all others. That file lists the others,
     /// so that a reader sees which files are missing if the program is killed between two renames.
-    ///
-    /// # Errors
-    ///
-    /// Returns the errors of [`Self::write_with`].
     pub fn write_first(&mut self, name: &str, content: impl AsRef<[u8]>) -> Result<()> {
-        self.first = self.files.len();
+        self.first = self.names.len();
         self.write(name, content).map(drop)
     }
 
     /// Stages a file that will be called `name`, with content from `write`, and returns its SHA-256
-    /// in hexadecimal.
-    /// A device, a pipe or a socket of that name is written to directly.
-    ///
-    /// # Errors
-    ///
-    /// Returns [`Error::Io`] if the name is that of a folder or is not writable.
+    /// in hexadecimal. Returns [`Error::Io`] if it cannot be written.
     pub fn write_with(
         &mut self,
         name: &str,
-        write: impl FnOnce(&mut Buffer<'_>) -> std::io::Result<()>,
+        write: impl FnOnce(&mut BufWriter<Digested<File>>) -> std::io::Result<()>,
     ) -> Result<String> {
-        let output = Output::create_in(self.staging.path(), &self.path.join(name))?;
-        // The lock of the staging folder replaces that of the file.
-        let file = output.write_with(write)?.closed();
-        let sha256 = file.sha256().to_owned();
-        self.files.push(file);
+        // The file is synced to the disk before it receives its final name.
+        let file = File::create(self.staging.path().join(name));
+        let written = file.and_then(|file| {
+            let mut out = BufWriter::with_capacity(BUFFER_BYTES, Digested::new(file));
+            write(&mut out)?;
+            let Digested { to: file, digest } = out.into_inner()?;
+            file.sync_all()?;
+            Ok(digest.map_or_else(String::new, Digest::hex))
+        });
+        let sha256 = written.map_err(|source| Error::write(&self.path.join(name), source))?;
+        self.names.push(name.to_owned());
         Ok(sha256)
     }
 
@@ -121,21 +115,88 @@ impl OutputFolder {
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Io`]. If there is an error, all files are left unchanged.
+    /// Returns [`Error::Io`]. A name that cannot be written is refused before any file is renamed.
     pub fn keep(mut self) -> Result<Vec<PathBuf>> {
         self.made = false;
         let _lock = locked(&self.path);
-        let mut files = std::mem::take(&mut self.files);
-        let n_moved = files.len().min(self.first + 1);
-        files[..n_moved].rotate_right(n_moved.min(1));
-        let mut paths = WholeFile::rename_all(files)?;
-        paths[..n_moved].rotate_left(n_moved.min(1));
+        // Everything that can fail happens before the first rename. A file behind a link or on
+        // another disk is therefore copied now.
+        let ready = self.names.iter().map(|name| self.prepare(name).map(Some));
+        let mut ready = ready.collect::<Result<Vec<_>>>()?;
+        let mut former = Former::default();
+        for index in std::iter::once(self.first).chain(0..self.names.len()) {
+            if let Some(file) = ready.get_mut(index).and_then(Option::take) {
+                former.replace(file.replaced(), || file.keep())?;
+            }
+        }
+        former.forget();
         // All files now have their final names, so files of an earlier set can be removed.
         for path in &self.former {
             std::fs::remove_file(path).map_err(|source| Error::write(path, source))?;
         }
-        Ok(paths)
+        Ok(self.names.iter().map(|name| self.path.join(name)).collect())
     }
+
+    /// Prepares the rename of a staged file, so that only a rename or a write to a device remains.
+    /// A file whose target is behind a link is copied beside that target.
+    fn prepare(&self, name: &str) -> Result<Ready> {
+        let (staged, path) = (self.staging.path().join(name), self.path.join(name));
+        let target = match Place::for_path(&path) {
+            Ok(Place::Regular(_)) if path.is_symlink() => {
+                let linked = Output::create(&path)?;
+                Target::Linked(linked.write_with(|out| copy(&staged, out))?)
+            }
+            Ok(Place::Regular(permissions)) => Target::Renamed(permissions),
+            Ok(Place::Through(file)) => Target::Through(file),
+            Err(source) => return Err(Error::write(&path, source)),
+        };
+        Ok(Ready { staged, path, target })
+    }
+}
+
+/// Staged file that is complete except for its name.
+struct Ready {
+    staged: PathBuf,
+    path: PathBuf,
+    target: Target,
+}
+
+enum Target {
+    /// New path, or an existing file, whose permissions the new file receives.
+    Renamed(Option<Permissions>),
+    /// Target of a link, which may be on another disk.
+    Linked(WholeFile),
+    /// Device, pipe or socket.
+    Through(File),
+}
+
+impl Ready {
+    /// Returns the regular file that this one replaces, or `None` for a device, a pipe or a socket.
+    fn replaced(&self) -> Option<PathBuf> {
+        match &self.target {
+            Target::Renamed(_) => Some(self.path.clone()),
+            Target::Linked(file) => file.place().map(Path::to_owned),
+            Target::Through(_) => None,
+        }
+    }
+
+    /// Gives the file its final name and permissions, or writes it to its device, pipe or socket.
+    fn keep(self) -> Result<()> {
+        let Self { staged, path, target } = self;
+        let named = match target {
+            Target::Linked(file) => return file.keep().map(drop),
+            Target::Renamed(permissions) => permissions
+                .map_or(Ok(()), |permissions| std::fs::set_permissions(&staged, permissions))
+                .and_then(|()| std::fs::rename(&staged, &path)),
+            Target::Through(mut file) => copy(&staged, &mut file),
+        };
+        named.map_err(|source| Error::write(&path, source))
+    }
+}
+
+/// Copies a file to a writer.
+fn copy(from: &Path, to: &mut impl Write) -> std::io::Result<()> {
+    std::io::copy(&mut File::open(from)?, to).map(|_| ())
 }
 
 impl Drop for OutputFolder {
@@ -210,17 +271,11 @@ mod tests {
         let mut folder = OutputFolder::create(parent.path()).unwrap();
         folder.check_writable(&["a.txt", "c.txt"]).unwrap();
         assert!(folder.check_writable(&["a.txt", "b.txt"]).is_err(), "before the long work");
-        folder.write("a.txt", b"new").unwrap();
-        let error = folder.write("b.txt", b"new").unwrap_err().to_string();
-        assert!(error.contains("b.txt"), "{error}");
-        drop(folder);
-        // A name that is taken later is refused by the rename, which takes the others back.
-        let mut folder = OutputFolder::create(parent.path()).unwrap();
-        for name in ["a.txt", "c.txt"] {
+        for name in ["a.txt", "b.txt"] {
             folder.write(name, b"new").unwrap();
         }
-        std::fs::create_dir(parent.path().join("c.txt")).unwrap();
-        assert!(folder.keep().unwrap_err().to_string().contains("c.txt"));
+        let error = folder.keep().unwrap_err().to_string();
+        assert!(error.contains("b.txt"), "{error}");
         assert_eq!(std::fs::read_to_string(parent.path().join("a.txt")).unwrap(), "old");
     }
 

@@ -8,6 +8,7 @@
 mod brought;
 mod budget;
 mod csv_reader;
+#[expect(clippy::disallowed_methods, reason = "copies what this program wrote")]
 mod folder;
 #[expect(clippy::disallowed_methods, reason = "the one place that opens foreign files")]
 mod input;

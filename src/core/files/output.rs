@@ -4,9 +4,9 @@ use std::fs::{File, Permissions};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use tempfile::{NamedTempFile, TempPath};
+use tempfile::NamedTempFile;
 
-use super::staging::{Former, Place, file_in, folder, locked_soon, unlocked_file_in};
+use super::staging::{Former, Place, file_in, folder, locked_soon};
 use crate::digest::{Digest, Digested};
 use crate::error::{Error, Result};
 use crate::input_error;
@@ -23,7 +23,7 @@ const STANDARD_OUTPUTS: [&str; 4] =
 const MAX_LINKS: usize = 40;
 
 /// Size in bytes of the buffer through which a file is written.
-const BUFFER_BYTES: usize = 1 << 18;
+pub(super) const BUFFER_BYTES: usize = 1 << 18;
 
 /// Output file that is being written.
 ///
@@ -51,15 +51,9 @@ impl Output {
     /// Returns [`Error::Input`] if the folder does not exist. Returns [`Error::Io`] if the path is
     /// itself a folder or is not writable.
     pub fn create(path: &Path) -> Result<Self> {
-        let sink = Sink::open(path, None).map_err(|source| {
+        let sink = Sink::open(path).map_err(|source| {
             missing_folder(path, &source).unwrap_or_else(|| Error::write(path, source))
         })?;
-        Ok(Self { path: path.to_owned(), sink })
-    }
-
-    /// Opens a file that is staged in a folder of its own, unless the path is a link.
-    pub(super) fn create_in(staging: &Path, path: &Path) -> Result<Self> {
-        let sink = Sink::open(path, Some(staging)).map_err(|source| Error::write(path, source))?;
         Ok(Self { path: path.to_owned(), sink })
     }
 
@@ -125,8 +119,7 @@ impl Output {
                     permissions.map_or(Ok(()), |p| file.as_file().set_permissions(p))?;
                     if is_durable { file.as_file().sync_all() } else { Ok(()) }.map(|()| sha256)
                 });
-                let (file, staged_path) = file.into_parts();
-                staged = Some(Staged { path: staged_path, place, _lock: Some(file) });
+                staged = Some((file, place));
                 written
             }
         };
@@ -147,15 +140,7 @@ type Written = std::io::Result<()>;
 pub struct WholeFile {
     path: PathBuf,
     sha256: String,
-    staged: Option<Staged>,
-}
-
-/// Temporary path of a file, its final place, and the open file, whose lock shows that it is used.
-#[derive(Debug)]
-struct Staged {
-    path: TempPath,
-    place: PathBuf,
-    _lock: Option<File>,
+    staged: Option<(NamedTempFile, PathBuf)>,
 }
 
 impl WholeFile {
@@ -182,7 +167,7 @@ impl WholeFile {
     /// Returns [`Error::Io`]. If there is an error, an existing file is left unchanged.
     pub fn keep(self) -> Result<PathBuf> {
         let Self { path, staged, .. } = self;
-        let named = staged.map_or(Ok(()), |staged| staged.path.persist(staged.place));
+        let named = staged.map_or(Ok(()), |(file, place)| file.persist(place).map(drop));
         match named {
             Ok(()) => Ok(path),
             Err(error) => Err(Error::write(&path, error.error)),
@@ -190,14 +175,8 @@ impl WholeFile {
     }
 
     /// Returns the regular file that this one replaces, or `None` for a device, a pipe or a socket.
-    fn place(&self) -> Option<&Path> {
-        self.staged.as_ref().map(|staged| staged.place.as_path())
-    }
-
-    /// Closes the file, which remains staged in a folder that is locked.
-    pub(super) fn closed(self) -> Self {
-        let staged = self.staged.map(|staged| Staged { _lock: None, ..staged });
-        Self { staged, ..self }
+    pub(super) fn place(&self) -> Option<&Path> {
+        self.staged.as_ref().map(|(_, place)| place.as_path())
     }
 
     /// Gives files of one folder their final names while it is locked, and returns their paths.
@@ -207,11 +186,6 @@ impl WholeFile {
     /// Returns the errors of [`Self::keep`]. If there is an error, all files are left unchanged.
     pub fn keep_all(files: Vec<Self>) -> Result<Vec<PathBuf>> {
         let _lock = files.iter().find_map(Self::place).and_then(|place| locked_soon(folder(place)));
-        Self::rename_all(files)
-    }
-
-    /// Gives files their final names, or leaves all of them unchanged if there is an error.
-    pub(super) fn rename_all(files: Vec<Self>) -> Result<Vec<PathBuf>> {
         let mut former = Former::default();
         let named = files.into_iter().map(|file| {
             let place = file.place().map(Path::to_owned);
@@ -224,9 +198,9 @@ impl WholeFile {
 }
 
 impl Sink {
-    /// Opens standard output, a device, or a staged file in `staging` or beside its final place.
-    /// Returns the errors of the system.
-    fn open(path: &Path, staging: Option<&Path>) -> std::io::Result<Self> {
+    /// Opens standard output, a device, or a staged file beside its final place, and returns the
+    /// errors of the system.
+    fn open(path: &Path) -> std::io::Result<Self> {
         if STANDARD_OUTPUTS.iter().any(|name| path == Path::new(name)) {
             return Ok(Self::StandardOutput);
         }
@@ -239,10 +213,7 @@ impl Sink {
             Place::Regular(permissions) => permissions,
         };
         let place = followed(path)?;
-        let file = match staging {
-            Some(staging) if place == path => unlocked_file_in(staging)?,
-            _ => file_in(folder(&place))?,
-        };
+        let file = file_in(folder(&place))?;
         Ok(Self::Staged { file, place, permissions })
     }
 }

@@ -22,19 +22,25 @@ const LOCK_TRIES: usize = 5000;
 #[cfg(windows)]
 const LOCK_PAUSE: Duration = Duration::from_millis(2);
 
-/// Creates a temporary file in a folder, with the mode of an ordinary file: 0666 before the umask.
-pub(super) fn unlocked_file_in(folder: &Path) -> Result<NamedTempFile> {
-    let mut builder = Builder::new();
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    builder.prefix(PREFIX).suffix(SUFFIX).tempfile_in(folder)
+/// Gives new files the mode of an ordinary file, which is 0666 before the umask.
+#[cfg(unix)]
+fn set_ordinary_mode(builder: &mut Builder<'_, '_>) {
+    use std::os::unix::fs::PermissionsExt;
+    builder.permissions(Permissions::from_mode(0o666));
 }
 
-/// Creates and locks a temporary file in a folder, and removes those of killed programs.
+#[cfg(not(unix))]
+fn set_ordinary_mode(_: &mut Builder<'_, '_>) {}
+
+/// Creates a locked temporary file in a folder, with the mode of an ordinary file, and removes
+/// temporary files of killed programs.
 pub(super) fn file_in(folder: &Path) -> Result<NamedTempFile> {
     remove_leftovers(folder);
     loop {
-        let file = unlocked_file_in(folder)?;
+        let mut builder = Builder::new();
+        builder.prefix(PREFIX).suffix(SUFFIX);
+        set_ordinary_mode(&mut builder);
+        let file = builder.tempfile_in(folder)?;
         let _ = file.as_file().lock();
         // Before this file was locked, another program may have removed it as a leftover.
         if file.path().exists() {
