@@ -5,7 +5,6 @@
 
 use serde::Serialize;
 
-use noctograph_core::crazyflie::{Feature, LEVEL_OUT_S, MOTORS_STOP_S, Release};
 use noctograph_core::flight::{BATTERY_V, Flight};
 use noctograph_sim::sensors::Positioning;
 use noctograph_sim::vehicle::BatteryOptions;
@@ -46,7 +45,7 @@ pub const REST_V: f64 = 3.8;
 pub const LOST_FACTOR: f64 = 10.0;
 /// Voltage under load at which the script lands at once, V (`DEFAULT_BAT_CRITICAL_LOW_VOLTAGE` on
 /// all platforms).
-pub(super) const CRITICAL_BATTERY_V: f64 = 3.0;
+pub const CRITICAL_BATTERY_V: f64 = 3.0;
 /// Time below the low voltage after which the firmware reports a low battery, s
 /// (`DEFAULT_BAT_LOW_DURATION_TO_TRIGGER_SEC`, `platform_defaults_cf2.h`). Shorter sags are
 /// ignored.
@@ -223,51 +222,6 @@ pub struct Checks {
     pub scene_sha256: String,
     /// Scene (TOML), which is copied to the log.
     pub scene_toml: String,
-}
-
-/// Returns the table of all checks for `docs/fly.md`, in the order in which they are performed. Its
-/// columns are the check, the program that performs it, its limit, and the source.
-pub fn table() -> String {
-    let [cf2, brushless] = [Platform::Crazyflie2, Platform::Brushless].map(Platform::low_battery_v);
-    let [lighthouse, uwb] = [Positioning::Sweeps, Positioning::UwbTwr]
-        .map(|positioning| 100.0 * libm::sqrt(variance_m2(positioning)));
-    let [nose, level] = [NOSE_RAD, LEVEL_RAD].map(|rad| rad.to_degrees().round());
-    let corner = 100.0 * CORNER_M;
-    let releases = [Release::OLDEST, Feature::CLOCK.last_without(), Feature::HEADING.since];
-    let [oldest, slow, heading] = releases.map(Release::name);
-    // The numbers are taken from the code, so that the page cannot differ.
-    format!(
-        "\
-| what is checked | by | limit | from |
-|---|---|---|---|
-| the plan's volume, speed, acceleration, tilt, motors, lights | `check` | those of the profile, within the room | `src/pipeline/preflight/profile.rs` |
-| one frame: stations or anchors, take-off marks, a camera whose place is said | `check` | in the room (`--room`) to {FRAME_M} m. A camera outside is a warning | the room's middle on the floor is x = y = 0 |
-| a flight from the floor to the floor, its columns those of its places | `check` | velocities and places within a quarter of the way | `src/pipeline/preflight/plans.rs` |
-| people (`sensors.lighthouse.people_m`) beside take-off, flight and landing | `check` | the audience's distance: {MOTORS_STOP_S:.0} s at the greatest speed of the plan's places, or at that sideways of the flight, and the fall. {LEAST_PEOPLE_M:.0} m at least | `COMMANDER_WDT_TIMEOUT_SHUTDOWN` |
-| things beside them: camera, `floor.steps`, stations or anchors, mirrors and panes. On the floor at any height, as a drone lands straight down | `check` | the 0.2 m that walls have, and the drone's reach: 0.28 m from a Crazyflie | `src/pipeline/preflight/obstacles.rs` |
-| the room's unit | `--room`, `check` | a ceiling at 7.5 m and more is asked about, one from 6.5 m on is a warning | rooms in feet: 13x20x8 |
-| weight, wind, estimator, base stations close together, sunlight on Lighthouse | `check` | indoors 150 g and 1.5 m/s, below 100 g 4 m/s, 1 m | `src/pipeline/preflight/surroundings.rs` |
-| thrust to hover | `check` | 85 % of the greatest at the flight's end | the simulated flight |
-| the camera's place | `check` | some usual camera shows the whole word from within the room | `src/pipeline/preflight/placement.rs` |
-| cflib | cflib | {OLDEST_CFLIB} or newer | arming, protocol 8 |
-| drone and positioning, lamp and card decks | cflib | those of the scene | version port, `deck.*` |
-| firmware | cflib | {oldest} or newer; clock of trajectories 84/85 up to {slow} | `supervisor.c`, `usec_time.c` |
-| heading of a trajectory on board, unless it is 0 | `export`, cflib | firmware {heading} or newer | `pptraj_compressed.c` |
-| firmware's clock: the release is typed (`--firmware`) | Crazyswarm2 | 84/85 up to {slow}, and the trajectory sped up for it | its server reads no parameters |
-| names of parameters and logs | cflib, Crazyswarm2 | all on the drone | tables of contents of the drone |
-| state: can fly, not locked, tumbled, crashed, deck fault | cflib, Crazyswarm2, firmware | `supervisor.info` before take-off. In the air the firmware itself stops the motors | `supervisor.c` |
-| position settled | cflib, Crazyswarm2 | σ of x, y, z: {lighthouse:.0} cm with Lighthouse, {uwb:.0} cm with ultra-wideband | `kalman.varP*` |
-| place | cflib, Crazyswarm2 | {START_RADIUS_M} m from the plan's start | only the path to the first letter from there was checked |
-| nose, roll and pitch | cflib, Crazyswarm2 | {nose:.0}°, {level:.0}° | `stateEstimate.*` |
-| battery at rest | `check`, cflib, Crazyswarm2 | with its sag in this flight above the low voltage | the simulated flight |
-| battery in the air | `check`, cflib, Crazyswarm2, firmware | {cf2} V (brushless {brushless} V) for {LOW_BATTERY_S:.0} s, in scripts {CRITICAL_BATTERY_V:.1} V for {WRONG_S} s | `platform_defaults_*.h` |
-| fence | cflib, Crazyswarm2 | {FENCE_M} m outside the volume that the plan keeps, for {WRONG_S} s | half of what the volume keeps from walls |
-| distance from the target | cflib | {MAX_POSITION_ERROR_M} m for {WRONG_S} s | PID trails by 0.45 m at 0.8 m/s |
-| numbers: place, variances, angles, battery | cflib, Crazyswarm2 | before take-off and, for {WRONG_S} s, in the air | a value that is not a number exceeds no limit |
-| silence of the radio | cflib, Crazyswarm2, firmware | firmware, with setpoints: levels out after {LEVEL_OUT_S} s, motors off after {MOTORS_STOP_S:.0} s. cflib lands after 1 s without one of the log blocks, over a new link if it hears nothing at all. Crazyswarm2 lands all drones after {MOTORS_STOP_S:.0} s without one of its topics | `supervisor.c` |
-| geometry of Lighthouse (`--check-geometry`) | cflib | {corner:.0} cm at the corners of the canvas | a student's hand and ruler |
-"
-    )
 }
 
 #[cfg(test)]

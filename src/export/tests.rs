@@ -443,11 +443,3 @@ fn log_configurations_have_a_block_each_and_the_card_has_all_variables() {
     assert!(watched.contains("    \"where\": {\"stateEstimate.x\": \"float\", "), "{watched}");
     assert!(watched.ends_with("\"supervisor.info\": \"uint16_t\"},\n}"), "{watched}");
 }
-
-#[test]
-fn the_page_on_flying_has_the_checks_of_the_code() {
-    let page = include_str!("../../docs/fly.md");
-    for row in super::safety::table().lines() {
-        assert!(page.contains(row), "{row}");
-    }
-}
