@@ -215,11 +215,11 @@ const PROGRAMS: [(&str, &str, Cells); 7] = [
     (
         "Motive, y up",
         "Format Version,1.23,Take Name,T,Rotation Type,Quaternion,Length Units,Millimeters,\
-        Coordinate Space,Global\n\n,,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body\n\
-        ,,cf,cf,cf,cf,cf,cf,cf\n,,a,a,a,a,a,a,a\n,,Rotation,Rotation,Rotation,Rotation,Position,Position,Position\n\
-        Frame,Time (Seconds),X,Y,Z,W,X,Y,Z",
+        Coordinate Space,Global\n\n,,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body,\
+        Marker\n,,cf,cf,cf,cf,cf,cf,cf,m\n,,a,a,a,a,a,a,a,b\n,,Rotation,Rotation,Rotation,Rotation,Position,Position,\
+        Position,Position\nFrame,Time (Seconds),X,Y,Z,W,X,Y,Z,X",
         |(t, p, [w, x, y, z], _)| {
-            vec![(100.0 * t).round(), t, x, z, -y, w, 1e3 * p[0], 1e3 * p[2], -1e3 * p[1]]
+            vec![(100.0 * t).round(), t, x, z, -y, w, 1e3 * p[0], 1e3 * p[2], -1e3 * p[1], 5.0]
         },
     ),
     ("Crazyswarm2", "time,x,y,z,qx,qy,qz,qw", |(t, p, [w, x, y, z], _)| {
@@ -307,6 +307,9 @@ fn letters_come_back_from_every_dialect() {
             assert!(found.samples.len() + 2 > flight.samples.len(), "{letter}, {dialect}");
             let off_m = farthest_m(&found, &flight);
             assert!(off_m < 1e-5, "{letter}, {dialect}: {off_m} m off");
+            let said: String = found.warnings.iter().map(ToString::to_string).collect();
+            let is_turned = said.contains("axes are taken as");
+            assert_eq!(is_turned, dialect.contains(", "), "{letter}, {dialect}: {said}");
             for (s, logged) in found.samples.iter().zip(&flight.samples) {
                 let (a, b) = (s.attitude, logged.attitude);
                 let tilt = (a.pitch_rad - b.pitch_rad).abs() + (a.roll_rad - b.roll_rad).abs();
@@ -416,10 +419,6 @@ fn broken_tables_are_read_with_a_warning_or_refused() {
     let doubled: Vec<&str> = body.iter().flat_map(|row| [*row, *row]).collect();
     let far = format!("1e9{}", ",0".repeat(6));
     let cases = [
-        ("lines of Windows", text.replace('\n', "\r\n"), Same),
-        ("a byte order mark", format!("\u{feff}{text}"), Same),
-        ("semicolons", text.replace(',', ";"), Same),
-        ("tabs", text.replace(',', "\t"), Same),
         ("a name in quotes", text.replacen("x,", "\"x\",", 1), Same),
         ("capitals", text.replacen(head, &head.to_uppercase(), 1), Same),
         ("empty lines", text.replace('\n', "\n\n"), Same),
@@ -442,7 +441,6 @@ fn broken_tables_are_read_with_a_warning_or_refused() {
         ("no height", text.replacen(",z,", ",depth,", 1), Warned("not in the log: position")),
         ("millimeters", scaled(&flight, 1000.0), Refused("faster than 15 m/s")),
         ("a word in a cell", cell(&text, 9, 2, "north"), Refused(":10: column y")),
-        ("decimal commas", text.replace(',', ";").replace('.', ","), Same),
         ("lines that end in CR", text.replace('\n', "\r"), Same),
         ("blanks", text.replace(',', " "), Same),
         (

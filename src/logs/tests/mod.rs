@@ -1,17 +1,16 @@
 //! Tests of complete imports. `tests/it/dialects.rs` reads complete, truncated and broken files in
-//! every dialect. The tests here concern rules that apply to all dialects.
+//! every dialect, and `tests/fuzz` damages them. The tests here concern rules that apply to all
+//! dialects.
 
-use noctograph_core::flight::FlightData;
+use noctograph_core::flight::{FlightData, FlightSample, Quantity};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use nalgebra::Vector3;
-use proptest::prelude::*;
 
 use super::import_bytes as parse;
 use super::recording::Recording;
 use super::*;
 use noctograph_core::files::Budget;
-use noctograph_core::flight::{FlightSample, Quantity};
 
 mod foreign;
 mod generated;
@@ -231,41 +230,6 @@ fn half_a_quantity_stays_a_column_and_levels_become_lights() {
     assert!(flight.extra.contains_key("log.m1"), "{:?}", flight.extra.keys());
 }
 
-/// Returns a short log in every format, for tests that damage it.
-fn short_logs() -> [Vec<u8>; 6] {
-    let mut usd =
-        b"\xbc\x02\0\x01\0\x07\0fast\0\x03\0kalman.stateX(f)\0kalman.stateY(h)\0kalman.stateZ(e)\0"
-            .to_vec();
-    for i in 0..40_u8 {
-        usd.extend(
-            [&[7, 0, i, 200, 2 * i, 0, 0, 0, 0, 0], &[0, 0, 128, i, i, 0, i, 60][..]].concat(),
-        );
-    }
-    usd.extend(crc32fast::hash(&usd).to_le_bytes());
-    let mocap = br#"{"drone": {"stateEstimate.x": {"time": [1, 2, 3], "data": [1, 2, 3]},
-        "stateEstimate.y": {"time": [1, 2, 3], "data": [1, 2, 3]},
-        "stateEstimate.z": {"time": [1, 2, 3], "data": [0, 0, 1]}},
-        "mocap": {"time": [5, 6, 7], "x": [1, NaN, 3], "y": [1, 2, 3], "z": [0, 0, 1]}}"#;
-    [
-        straight_flight().into_bytes(),
-        usd,
-        mocap.to_vec(),
-        b"Timestamp,stateEstimate.x,stateEstimate.y,stateEstimate.z\n10,1,2,3\n20,1.1,2.1,3.1\n"
-            .to_vec(),
-        b"i,timestamp,ranging.distance0\n0,2023-05-04 12:00:00,1\n1,2023-05-04 12:00:01,2\n"
-            .to_vec(),
-        b"t,x,y,z,yaw,r\n0,1,2,3,4,5\n0.1,2,3,4,5,6\n".to_vec(),
-    ]
-}
-
-#[test]
-fn the_short_logs_are_logs() {
-    for log in short_logs() {
-        let flight = imported(&log);
-        assert!(flight.samples.len() > 1, "{:?}", flight.warnings);
-    }
-}
-
 /// Returns a version 2 µSD log with two event types: one that never occurred, and one with the
 /// crossing beams of a flight.
 fn event_log(events: u32) -> Vec<u8> {
@@ -297,37 +261,6 @@ fn crossing_beams_of_an_event_log_are_positions_and_zeros_after_it_are_damage() 
     assert_eq!(zeros.samples, flight.samples);
     let said: String = zeros.warnings.iter().map(ToString::to_string).collect();
     assert!(said.contains("zeros up to the end") && said.contains("100 records"), "{said}");
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(256))]
-
-    #[test]
-    fn any_bytes_are_a_flight_or_an_error(bytes in proptest::collection::vec(any::<u8>(), 0..400)) {
-        let _ = parse(&bytes, "fuzz", &ImportOptions::default()).map(|flight| flight.samples.len());
-    }
-
-    #[test]
-    fn a_mutated_log_is_a_flight_or_an_error(
-        which in 0..6_usize,
-        changes in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
-        cut in any::<prop::sample::Index>(),
-    ) {
-        let mut log = short_logs()[which].clone();
-        for (place, byte) in changes {
-            let index = place.index(log.len());
-            log[index] = byte;
-        }
-        for damaged in [Damaged::Refuse, Damaged::Recover] {
-            let options = ImportOptions { damaged, sample_rate_hz: 10.0, ..Default::default() };
-            let _ = parse(&log, "fuzz", &options).map(|flight| flight.samples.len());
-        }
-        log.truncate(cut.index(log.len()));
-        if let Ok(flight) = parse(&log, "fuzz", &ImportOptions::default()) {
-            prop_assert!(flight.samples.windows(2).all(|p| p[0].time_s <= p[1].time_s), "time rises");
-            prop_assert!(flight.samples.iter().all(|s| s.position_m.iter().all(|value| value.is_finite())), "numbers only");
-        }
-    }
 }
 
 #[cfg(unix)]
