@@ -140,13 +140,8 @@ const ACUITY: &str = "acuity.png";
 impl RankArgs {
     /// Returns the study on each rung of the ladder of --acuity, or none without it.
     fn ladder(&self, study: &Study) -> Result<Vec<Study>> {
-        let Some(n) = self.acuity.filter(|_| !study.contenders.is_empty()) else {
-            return Ok(Vec::new());
-        };
-        // Every rung uses the same words at a different letter height.
-        let words = study.words.iter().map(|(word, _)| (word.clone(), n)).collect();
-        let ladder = Study { words, ..study.clone() }.ladder();
-        ladder.iter().try_for_each(Study::check).map(|()| ladder)
+        let n_seeds = self.acuity.filter(|_| !study.contenders.is_empty());
+        n_seeds.map_or_else(|| Ok(Vec::new()), |n_seeds| study.ladder(n_seeds))
     }
 
     /// Returns the accepted scenes or submissions, and the refused submissions.

@@ -142,19 +142,12 @@ pub(super) fn ladder(
     seed: u64,
     n: u32,
 ) -> PyResult<Vec<(Vec<PyScene>, Trials)>> {
-    let ladder = rungs(&study(scenes, words, seed), n).map_err(|error| raised(py, &error))?;
+    let ladder = study(scenes, words, seed).ladder(n).map_err(|error| raised(py, &error))?;
     let rungs = ladder.into_iter().map(|rung| {
         let trials = trials_of(&rung);
         (rung.contenders.into_iter().map(|named| PyScene(named.scene)).collect(), trials)
     });
     Ok(rungs.collect())
-}
-
-/// Returns the study on each rung of its ladder, with `n` seeds per word.
-fn rungs(study: &Study, n: u32) -> Result<Vec<Study>> {
-    let words = study.words.iter().map(|(word, _)| (word.clone(), n)).collect();
-    let ladder = Study { words, ..study.clone() }.ladder();
-    ladder.iter().try_for_each(Study::check).map(|()| ladder)
 }
 
 /// Flies the trials of a study that are not in `flown`, and returns the records of all trials.
@@ -206,7 +199,7 @@ pub(super) fn ranking<'py>(
 ) -> PyResult<(String, Bound<'py, PyAny>)> {
     let mut study = study(scenes, words, seed);
     let conditions = conditions.to_owned();
-    let ladder = smaller.as_ref().map(|(n, _)| rungs(&study, *n)).transpose();
+    let ladder = smaller.as_ref().map(|(n, _)| study.ladder(*n)).transpose();
     let ladder = ladder.map_err(|error| raised(py, &error))?.unwrap_or_default();
     let flown_on_rungs = smaller.map_or_else(Vec::new, |(_, flown)| flown);
     let n_flights: usize = ladder.iter().chain([&study]).map(Study::n_trials).sum();

@@ -84,23 +84,29 @@ pub struct Rung {
 
 impl Study {
     /// Returns the study on each rung of the ladder, the largest letters first. All contenders
-    /// write letters of the same heights with the same lamp.
-    pub fn ladder(&self) -> Vec<Self> {
+    /// write each word with `n_seeds` seeds, in letters of the same heights, with the same lamp.
+    ///
+    /// # Errors
+    ///
+    /// Returns the errors of [`Self::check`] for the first rung that has one.
+    pub fn ladder(&self, n_seeds: u32) -> Result<Vec<Self>> {
         let least = |value: fn(&Scene) -> f64| {
             let values = self.contenders.iter().map(|named| value(&named.scene));
             values.fold(f64::INFINITY, f64::min)
         };
         let last_m = (LAST_TIMES * least(|scene| scene.letters.cap_height_m)).max(LEAST_M);
         let speed_m_s = SPEED_TIMES * least(|scene| scene.plan.stroke_speed_m_s);
+        let words: Vec<_> = self.words.iter().map(|(word, _)| (word.clone(), n_seeds)).collect();
         let rungs = (0..RUNGS).map(|rung| {
             // Each rung has different seeds, so that rungs are independent.
-            let mut study = Self { seed: self.seed ^ u64::from(rung + 1) << 40, ..self.clone() };
+            let (seed, words) = (self.seed ^ u64::from(rung + 1) << 40, words.clone());
+            let mut study = Self { seed, words, ..self.clone() };
             let cap_height_m = last_m * libm::exp2(OCTAVES_PER_RUNG * f64::from(RUNGS - 1 - rung));
             for scene in study.contenders.iter_mut().map(|named| &mut named.scene) {
                 shrink(scene, cap_height_m, speed_m_s);
                 narrow_lamp(scene, LAMP_TIMES * last_m);
             }
-            study
+            study.check().map(|()| study)
         });
         rungs.collect()
     }
@@ -234,7 +240,7 @@ mod tests {
 
     #[test]
     fn limits_are_those_of_the_contenders_and_are_told_apart() {
-        let ladder = study(4).ladder();
+        let ladder = study(4).ladder(4).unwrap();
         let records: Vec<_> = ladder.iter().map(|rung| records(rung, [0.05, 0.04])).collect();
         let acuity = acuity(&ladder, &records);
         let names: Vec<&str> = acuity.limits.iter().map(|limit| &*limit.contender).collect();
@@ -251,7 +257,7 @@ mod tests {
     #[test]
     fn intervals_of_limits_hold_them() {
         let held = (1..=50_u64).map(|seed| {
-            let ladder = Study { seed, ..study(4) }.ladder();
+            let ladder = Study { seed, ..study(4) }.ladder(4).unwrap();
             let records: Vec<_> = ladder.iter().map(|rung| records(rung, [0.05, 0.04])).collect();
             let limits = acuity(&ladder, &records).limits.into_iter();
             let held = limits.filter(|limit| {
@@ -267,7 +273,7 @@ mod tests {
 
     #[test]
     fn rungs_share_nothing_but_their_contenders() {
-        let ladder = study(2).ladder();
+        let ladder = study(2).ladder(2).unwrap();
         let wanted_m = [0.16, 0.1131, 0.08, 0.0566, 0.04, 0.0283, 0.02];
         for (study, wanted_m) in ladder.iter().zip(wanted_m) {
             let Scene { letters, plan, light, .. } = &study.contenders[1].scene;
@@ -293,10 +299,9 @@ mod tests {
         let mut study = study(1);
         let letters = &mut study.contenders[0].scene.letters;
         (letters.cap_height_m, letters.width_m, letters.gap_m) = (0.2, Some(0.1), Some(0.04));
-        let ladder = study.ladder();
+        let ladder = study.ladder(1).unwrap();
         let letters = &ladder[6].contenders[0].scene.letters;
         assert_eq!((letters.cap_height_m, letters.canvas_m), (0.02, None), "{letters:?}");
         assert_eq!((letters.width_m, letters.gap_m), (Some(0.01), Some(0.004)), "{letters:?}");
-        ladder.iter().for_each(|study| study.check().unwrap());
     }
 }
