@@ -247,13 +247,11 @@ impl GrowingLog {
     }
 
     /// Returns true if the log's head has been read.
-    #[must_use]
     pub fn has_begun(&self) -> bool {
         self.lines.n_lines > 0
     }
 
     /// Returns true if the script has written the end mark.
-    #[must_use]
     pub fn has_ended(&self) -> bool {
         self.lines.has_ended
     }

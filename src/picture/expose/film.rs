@@ -67,7 +67,6 @@ impl FilmData {
     /// # Panics
     ///
     /// Panics if the film has no such channel or pixel.
-    #[must_use]
     pub fn exposure_lx_s(&self, channel: usize, index: usize) -> f64 {
         libm::ldexp(f64::from(self.plane(channel)[index]), self.scale_log2)
     }
@@ -77,7 +76,6 @@ impl FilmData {
     /// # Panics
     ///
     /// Panics if the film has no such channel.
-    #[must_use]
     pub fn light_lx_s_px2(&self, channel: usize) -> f64 {
         let sum: u64 = self.plane(channel).iter().map(|&count| u64::from(count)).sum();
         libm::ldexp(sum as f64, self.scale_log2)
@@ -91,7 +89,6 @@ impl FilmData {
 
     /// Returns the SHA-256 of size, scale and counts (little endian) in hexadecimal. Equal films
     /// have the same hash on every backend and machine.
-    #[must_use]
     pub fn sha256(&self) -> String {
         let mut digest = Digest::default();
         digest.add([self.width_px, self.height_px].map(u32::to_le_bytes).as_flattened());

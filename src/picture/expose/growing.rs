@@ -45,7 +45,6 @@ impl GrowingFilm {
     }
 
     /// Returns the number of records that were drawn or subtracted for the last image.
-    #[must_use]
     pub fn n_drawn(&self) -> usize {
         self.n_drawn
     }

@@ -83,7 +83,6 @@ pub struct ExposureAdvice {
 
 impl LampReading {
     /// Returns the range of the exposure along the trail, from the 5th to the 95th percentile.
-    #[must_use]
     pub fn evenness_stops(&self) -> f64 {
         self.p95_stops - self.p5_stops
     }
@@ -104,7 +103,6 @@ impl LampReading {
     }
 
     /// Returns the settings that would move the median to `target_stops`.
-    #[must_use]
     pub fn advice(&self, camera: &Camera, target_stops: f64) -> ExposureAdvice {
         let change_stops = target_stops - self.median_stops;
         ExposureAdvice {
@@ -154,7 +152,6 @@ pub fn meter(trace: &LightTrace, camera: &Camera) -> Result<Vec<LampReading>> {
 const COLORED: f64 = 1.25;
 
 /// True if the light of a lamp with all dies at full level is metered as colored, not as white.
-#[must_use]
 pub fn is_colored(lamp: &Fixture) -> bool {
     is_color(emitter(lamp, &vec![1.0; lamp.dies.len()]).rgb)
 }
@@ -167,7 +164,6 @@ fn is_color(rgb: [f64; 3]) -> bool {
 /// Returns the exposures of a lamp's brightest color and of its brightest white, for the lamp with
 /// this label. Each exposure is the median over the trail in the strongest channel, in stops
 /// relative to saturation, or `None` if the lamp has no such light.
-#[must_use]
 pub fn color_stops(trace: &LightTrace, camera: &Camera, name: &str) -> [Option<f64>; 2] {
     [true, false].map(|colored| {
         let lamps = trace.lamps.iter().filter(|lamp| lamp.label() == name);
@@ -193,7 +189,6 @@ fn visible_segments(lamp: &Lamp, fraction: f64, camera: &Camera) -> Vec<Segment>
 
 /// Returns the brightest light on floor and walls in stops relative to saturation, or `None` if
 /// they are dark or outside the picture.
-#[must_use]
 pub fn floor_stops(
     trace: &LightTrace,
     camera: &Camera,

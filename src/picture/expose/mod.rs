@@ -80,7 +80,6 @@ pub struct Exposure {
 
 impl Exposure {
     /// Returns the exposure of a film that the processor exposed.
-    #[must_use]
     pub fn by_processor(film: Film) -> Self {
         Self { film, backend: Backend::Cpu, adapter: "CPU".to_owned() }
     }
@@ -226,25 +225,21 @@ impl Latent {
     }
 
     /// Adds up the light on the processor, in at most one band of rows per core. Returns the film.
-    #[must_use]
     pub fn develop_on(&self, cores: NonZero<usize>) -> Film {
         self.film(cpu::splat(cores.get() as u64, self))
     }
 
     /// Adds up the light on all cores of the processor, and returns the film.
-    #[must_use]
     pub fn develop_on_all(&self) -> Film {
         self.develop_on(NonZero::new(rayon::current_num_threads()).unwrap_or(NonZero::<usize>::MIN))
     }
 
     /// Returns the scale of the film, where one count is `2^scale_log2` lx s.
-    #[must_use]
     pub fn scale_log2(&self) -> i32 {
         self.scale_log2
     }
 
     /// Returns the number of records in the picture.
-    #[must_use]
     pub fn n_segments(&self) -> usize {
         self.tints.iter().map(|tint| tint.records.len()).sum()
     }

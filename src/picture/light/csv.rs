@@ -74,7 +74,6 @@ fn column_name(bare_title: &str) -> Option<&'static str> {
 }
 
 /// True if a text starts with the header of a light trace.
-#[must_use]
 pub fn is_light_trace(text: &[u8]) -> bool {
     let head = Head::find(&Text::decode(&text[..text.len().min(HEADER_SIZE)]).bytes);
     let names: Vec<_> = head.titles.iter().filter_map(|title| Some(column(title)?.0)).collect();

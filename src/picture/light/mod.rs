@@ -133,7 +133,6 @@ fn check_emitter(emitter: &Emitter) -> Result<()> {
 
 impl LightTraceData {
     /// Returns the time of the last sample, or 0 if there is none.
-    #[must_use]
     pub fn end_s(&self) -> f64 {
         let last_samples = self.lamps.iter().filter_map(|lamp| lamp.samples.last());
         last_samples.map(|last| last.time_s).fold(0.0, f64::max)
@@ -159,7 +158,6 @@ pub struct Lamp {
 
 impl Lamp {
     /// Returns the lamp's name, preceded by the drone's number (from 1) if there are several.
-    #[must_use]
     pub fn label(&self) -> String {
         let Self { drone, emitter: Emitter { name, .. }, .. } = self;
         drone.map_or_else(|| name.clone(), |drone| format!("{drone}: {name}"))
@@ -191,7 +189,6 @@ pub struct LightSample {
 
 impl LightSample {
     /// Interpolates linearly between this sample and the next one, at `time_s`.
-    #[must_use]
     pub fn toward(&self, next: &Self, time_s: f64) -> Self {
         let fraction = (time_s - self.time_s) / (next.time_s - self.time_s);
         Self {
@@ -228,14 +225,12 @@ pub struct Emitter {
 impl Emitter {
     /// Returns the luminous intensity at level 1 in a direction, given by the cosine of its angle
     /// from the axis.
-    #[must_use]
     pub fn intensity_cd(&self, cos_off_axis: f64) -> f64 {
         self.intensity_cd * self.relative_intensity(cos_off_axis)
     }
 
     /// Returns the intensity in a direction, given by the cosine of its angle from the axis,
     /// relative to that on the axis. The intensity is 0 if the body hides the lamp.
-    #[must_use]
     pub fn relative_intensity(&self, cos_off_axis: f64) -> f64 {
         if cos_off_axis < self.visible_cos {
             return 0.0;

@@ -185,7 +185,6 @@ const FACTORS: [f64; 17] = [
 ];
 
 /// Returns the white, red, green and blue bytes with which the color LED deck shows an sRGB color.
-#[must_use]
 pub fn color_led_wrgb(srgb: [u8; 3], levels: ColorLedLevels) -> [u8; 4] {
     let dies = &color_led()[0].dies[1..];
     let [r, g, b] = closest_bytes(dies, srgb, WHITE_CD[0], |die, byte| {
@@ -195,7 +194,6 @@ pub fn color_led_wrgb(srgb: [u8; 3], levels: ColorLedLevels) -> [u8; 4] {
 }
 
 /// Returns the red, green and blue bytes with which the LED ring shows an sRGB color.
-#[must_use]
 pub fn ring_rgb(srgb: [u8; 3]) -> [u8; 3] {
     let ring = led_ring().into_iter().find(|row| matches!(row.drive, Drive::Ring(_)));
     let dies = ring.map_or(Vec::new(), |row| row.dies);

@@ -56,7 +56,6 @@ pub struct Difference {
 
 impl Difference {
     /// Returns the mean error over pixels for whose index `mask` is true, or 0 if there are none.
-    #[must_use]
     pub fn mean(&self, mask: impl Fn(usize) -> bool) -> f64 {
         let masked = self.values.iter().enumerate().filter(|(index, _)| mask(*index));
         let (n, sum) = masked.fold((0.0, 0.0), |(n, sum), (_, v)| (n + 1.0, sum + f64::from(*v)));
@@ -65,7 +64,6 @@ impl Difference {
 
     /// Returns a picture with colors from black over purple and orange to white, by matplotlib's
     /// color map "magma" (polynomial fit by Zucker, public domain).
-    #[must_use]
     pub fn picture(&self) -> Photo {
         const FIT: [[f32; 3]; 7] = [
             [-0.002_136_5, -0.000_749_7, -0.005_386_1],
@@ -93,7 +91,6 @@ impl Difference {
 /// # Panics
 ///
 /// Panics if the sizes differ.
-#[must_use]
 pub fn difference(a: &Photo, b: &Photo) -> Difference {
     let size = [a.width_px, a.height_px];
     assert_eq!(size, [b.width_px, b.height_px], "pictures of one size");

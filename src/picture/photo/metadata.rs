@@ -39,7 +39,6 @@ pub(super) const SOFTWARE: &str = concat!("noctograph ", env!("CARGO_PKG_VERSION
 
 impl Metadata {
     /// Returns the metadata of a camera's picture, with an identifier from the picture's bytes.
-    #[must_use]
     pub fn new(camera: &Camera, picture: &[u8]) -> Self {
         let [width, height] = [camera.width_px, camera.height_px].map(f64::from);
         let (longer, shorter) = (width.max(height), width.min(height));
@@ -61,7 +60,6 @@ impl Metadata {
     }
 
     /// Encodes the metadata as an EXIF block, with a `TIFF` header and fields.
-    #[must_use]
     pub fn exif(&self) -> Vec<u8> {
         let ascii = |text: &str| Value::Ascii(vec![text.as_bytes().to_vec()]);
         let length_35_mm = 1e3 * self.focal_length_m * self.crop_factor;
@@ -90,7 +88,6 @@ impl Metadata {
     }
 
     /// Returns an XMP packet that marks the picture as computed.
-    #[must_use]
     pub fn xmp(&self) -> String {
         format!(
             "<x:xmpmeta xmlns:x=\"adobe:ns:meta/\">\

@@ -117,7 +117,6 @@ pub fn read_out(
 
 impl Readout {
     /// Applies a tone curve. Returns the picture of [`develop`] with 16 bits per channel.
-    #[must_use]
     pub fn rgb16(&self, tone: Tone) -> Vec<u16> {
         let levels = Levels16::new(tone);
         let pixels = self.rgb.as_chunks::<3>().0.iter();
@@ -126,7 +125,6 @@ impl Readout {
 }
 
 /// Encodes a photo as a JPEG file, with a quality from 1 to 100.
-#[must_use]
 pub fn jpeg(photo: &Photo, quality: u8) -> Vec<u8> {
     let mut bytes = Vec::new();
     let encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, quality);

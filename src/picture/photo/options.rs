@@ -100,7 +100,6 @@ impl SensorNoise {
 impl PhotoOptions {
     /// Returns options without any effects, for measurements: the sensor clips at saturation, and
     /// the sRGB curve encodes the light.
-    #[must_use]
     pub fn plain() -> Self {
         Self {
             tone: Tone::Linear,
@@ -115,7 +114,6 @@ impl PhotoOptions {
 
     /// Returns the light of the room in the middle of the picture, in stops relative to saturation,
     /// or `None` in a dark room or with a background.
-    #[must_use]
     pub fn ambient_stops(&self, camera: &Camera) -> Option<f64> {
         let ambient_lx_s = self.ambient_cd_m2 * camera.lx_s_of_luminance();
         let is_lit = ambient_lx_s > 0.0 && self.background.is_empty();

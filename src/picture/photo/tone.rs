@@ -60,7 +60,6 @@ impl Tone {
     }
 
     /// Returns the encoded value, 0 to 1, of a channel's light, 0 to 1.
-    #[must_use]
     pub fn encode(self, light: f64) -> f64 {
         match self {
             Self::Camera => camera(light),
