@@ -5,8 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::evening;
 use super::flags::{SceneFlags, set_word};
-use super::flight_flags::FlightFlags;
-use super::flight_flags::{infer_lights_if_dark, note};
+use super::flight_flags::{FlightFlags, infer_lights_if_dark, note};
 use super::outcome::Report;
 use super::output::Outputs;
 use super::show::flight_report;

@@ -4,8 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::flags::{DesignFlags, SeedFlag, typed_word};
 use super::outcome::Report;
-use super::output::Output;
-use super::output::keep_copies;
+use super::output::{Output, keep_copies};
 use crate::error::Result;
 use clap::Args;
 use serde_json::json;

@@ -3,8 +3,7 @@
 use std::path::PathBuf;
 
 use super::flags::{SceneFlags, set_word, typed_word};
-use super::flight_flags::{FLIGHTS, FlightFlags};
-use super::flight_flags::{infer_lights_if_dark, note};
+use super::flight_flags::{FLIGHTS, FlightFlags, infer_lights_if_dark, note};
 use super::names::Corners;
 use super::outcome::{Report, shell_word};
 use super::output::{Output, is_svg};

@@ -5,7 +5,7 @@ use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use clap::Parser;
+use clap::{Args, Parser};
 use noctograph_serve::{Addresses, Program, ServerConfig, Suggestion, printed_code, work};
 
 use super::outcome::Report;
@@ -17,7 +17,6 @@ use crate::error::{Error, Result};
 use crate::scene::{Preset, Scene};
 use crate::shoot::{Shoot, Shot};
 use crate::studies::remedies_for;
-use clap::Args;
 use serde_json::{Value, json};
 
 #[expect(clippy::struct_excessive_bools, reason = "flags of the command line")]

@@ -3,8 +3,7 @@
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use super::outcome::Report;
-use super::outcome::without_folders;
+use super::outcome::{Report, without_folders};
 use super::progress::Progress;
 use super::studies::{StudyFlags, counter, open_results, open_store, ranking_report};
 use super::terminal::warn;

@@ -33,8 +33,7 @@ mod vector;
 #[cfg(not(target_family = "wasm"))]
 pub use typeface::has_outline;
 
-pub use drawing::LIMIT as DRAWING_LIMIT;
-pub use drawing::{DRAWING, Ink, draw};
+pub use drawing::{DRAWING, Ink, LIMIT as DRAWING_LIMIT, draw};
 pub use font::Font;
 pub use layout::{plain, write};
 pub use noctograph_core::strokes::{Cell, Glyph, LeftOut, Move, StrokeOrder, Strokes, StrokesData};

@@ -17,7 +17,6 @@ use harfrust::{Font, GlyphId};
 use kurbo::{Affine, BezPath, Point};
 use read_fonts::{TableProvider as _, tables::kern::SubtableKind};
 
-use super::Trace;
 use super::center_line::{CenterLines, center_lines, outlines};
 use super::curves::polylines;
 use super::face::{Face, Joined, ShapedLine};
@@ -25,8 +24,8 @@ use super::glyph::outline;
 use super::outline::Contour;
 use super::shape::{Run, Shape};
 use super::shaping::{MAX_POINTS, Placed, Unset, shape_line};
-use super::stored;
 use super::vector::{Lines, length, pairs, point};
+use super::{Trace, stored};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Budget;
 

@@ -4,7 +4,6 @@ use rayon::prelude::*;
 
 use super::align::Finder;
 use super::alphabet::{classes_of, spells};
-use super::color;
 use super::judge::{Expected, Judgment, letter_verdict};
 use super::lattice::{Choice, Columns};
 use super::light::{Frame, Light, Rgb, full_light, luminance, map};
@@ -17,7 +16,7 @@ use super::verdict::{LetterVerdict, Placement, Reason, Verdict};
 use super::view::View;
 use super::{
     BLUR_H, MAX_SHIFT_H, MIN_CAP_HEIGHT_PX, PEN_H, PX_PER_H, ScoreOptions, cap_height_m, check,
-    check_size,
+    check_size, color,
 };
 use noctograph_core::error::Result;
 use noctograph_core::geometry::{bounds, distance};

@@ -8,8 +8,9 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 
 use crate::geometry::bounds;
 
-pub use bodies::{BodyFigures, BodyModel, CustomBody, FixedLens};
-pub use bodies::{CustomLens, LensFigures, LensModel};
+pub use bodies::{
+    BodyFigures, BodyModel, CustomBody, CustomLens, FixedLens, LensFigures, LensModel,
+};
 pub use options::{CameraOptions, FixedPose, Framing, MAX_PIXELS, Metering};
 pub use options::{TrailMetering, WordFraming, check_size};
 pub use white_balance::WhiteBalance;

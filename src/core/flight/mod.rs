@@ -20,8 +20,7 @@ pub mod timestamps;
 pub mod warning;
 
 pub use crate::place::DroneIndex;
-pub use airborne::airborne;
-pub use airborne::{on_floor, rests_on_floor, saturated_s};
+pub use airborne::{airborne, on_floor, rests_on_floor, saturated_s};
 
 /// Name of a simulated flight's column with the total time so far, in s, during which a motor or
 /// the battery was at its limit.

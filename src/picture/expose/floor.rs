@@ -19,8 +19,7 @@ use rayon::prelude::*;
 
 use super::record::DITHER;
 use super::sources::{Rgb, Tree, exposures_lx_s, reflected, trees};
-use super::texture;
-use super::{ExposeOptions, FilmData, Room};
+use super::{ExposeOptions, FilmData, Room, texture};
 use crate::light::LightTrace;
 use crate::narrow;
 use noctograph_core::camera::Camera;

@@ -9,9 +9,8 @@
 
 use nalgebra::Vector3;
 
-use super::ExposeOptions;
 use super::project::NEAREST_M;
-use super::texture;
+use super::{ExposeOptions, texture};
 
 /// Fraction of light that a polished surface of refractive index 1.5 reflects at normal incidence.
 const NORMAL_REFLECTANCE: f64 = 0.04;

@@ -1,10 +1,9 @@
 //! Tests of whole flights with their lamps.
 
-use noctograph_core::flight::FlightData;
+use noctograph_core::flight::{DroneIndex, FlightData, FlightSample};
 use std::collections::BTreeSet;
 
 use super::*;
-use noctograph_core::flight::{DroneIndex, FlightSample};
 use noctograph_core::geometry::Attitude;
 use noctograph_core::srgb;
 

@@ -11,11 +11,10 @@ use std::f64::consts::SQRT_2;
 
 use nalgebra::Vector3;
 
-use super::Profile;
 use super::checked_export::bounds_m;
 use super::plans::greatest_speed_m_s;
 use super::profile::ROOM_MARGIN_M;
-use super::{GRAVITY_M_S2, at_time, stop_if};
+use super::{GRAVITY_M_S2, Profile, at_time, stop_if};
 use crate::scene::Scene;
 use crate::shoot::Shoot;
 use noctograph_core::crazyflie::MOTORS_STOP_S;

@@ -2,8 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::Profile;
-use super::{at_time, largest, stop_if, warn_if};
+use super::{Profile, at_time, largest, stop_if, warn_if};
 use crate::scene::Scene;
 use crate::shoot::Shoot;
 use noctograph_core::crazyflie::GRAVITY_M_S2;

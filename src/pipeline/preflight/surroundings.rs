@@ -2,9 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::Profile;
 use super::room::from_feet;
-use super::{stop_if, warn_if};
+use super::{Profile, stop_if, warn_if};
 use crate::scene::Scene;
 use noctograph_core::diagnostic::{Diagnostic, Severity};
 use noctograph_core::error::Result;

@@ -1,8 +1,7 @@
 //! Computes the light of all drones, and the camera that records it.
 
 use super::metering::{Metered, metered, recommended};
-use super::problems;
-use super::{Recording, Shoot, Watch};
+use super::{Recording, Shoot, Watch, problems};
 use crate::scene::Scene;
 use noctograph_core::camera::{Camera, Framing};
 use noctograph_core::diagnostic::Diagnostic;

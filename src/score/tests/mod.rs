@@ -2,8 +2,7 @@
 
 use super::*;
 use noctograph_core::camera::Camera;
-use noctograph_core::strokes::StrokesData;
-use noctograph_core::strokes::{Glyph, Move};
+use noctograph_core::strokes::{Glyph, Move, StrokesData};
 use noctograph_letters::{LetterOptions, write};
 use studio::{Dice, Shot, camera, score, word};
 

@@ -1,5 +1,5 @@
 use nalgebra::Vector3;
-use noctograph_core::plan::PlanData;
+use noctograph_core::plan::{PlanData, Setpoint};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 
@@ -10,7 +10,6 @@ use crate::vehicle::{FloorStep, Gusts};
 use crate::{ControllerKind, EstimatorKind, RadioOptions, SetpointKind, Setpoints, SimOptions};
 use noctograph_core::crazyflie::Release;
 use noctograph_core::flight::{BATTERY_V, ENERGY_J, FlightSample, SATURATED_S};
-use noctograph_core::plan::Setpoint;
 use noctograph_plan::PlanOptions;
 
 pub(crate) fn flown(plan: &Plan, options: &SimOptions, seed: u64) -> Result<Flight> {

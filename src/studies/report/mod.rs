@@ -41,7 +41,6 @@ pub use overlay::{overlay_photo, overlay_svg};
 pub use page::Page;
 pub use plans::plan_view;
 pub use sheet::{acuity_sheet, spread_sheet, study_sheet};
-pub use shot::{FlownNotes, ShotNotes, shot_page};
-pub use shot::{LEAST_PROBABILITY, rivals};
+pub use shot::{FlownNotes, LEAST_PROBABILITY, ShotNotes, rivals, shot_page};
 pub use spread::{spread_front, spread_over_time};
 pub use studies::pareto;

@@ -1,11 +1,10 @@
 //! Tests of complete exposures on the CPU. The module `twins` compares the backends.
 
-use crate::light::LightTraceData;
+use crate::light::{Emitter, Lamp, LightSample, LightTraceData};
 use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
 
 use super::*;
-use crate::light::{Emitter, Lamp, LightSample};
 use noctograph_core::geometry::camera_from_world;
 
 #[cfg(feature = "gpu")]
