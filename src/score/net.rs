@@ -187,7 +187,7 @@ impl Layer {
         #[cfg(all(target_family = "wasm", target_feature = "simd128"))]
         With(Simd128, work).call();
         #[cfg(not(all(target_family = "wasm", target_feature = "simd128")))]
-        noctograph_core::dispatch(With((), work));
+        With((), work).call();
         sums
     }
 

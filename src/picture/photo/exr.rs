@@ -1,22 +1,23 @@
 //! Readouts as `OpenEXR` files, with scene-linear light and the standard attributes.
-
-use std::io::Cursor;
-
-use exr::math::Vec2;
-use exr::meta::attribute::{Chromaticities, Text};
-use exr::prelude::{Encoding, Image, Layer, LayerAttributes, SpecificChannels, WritableImage};
+//!
+//! Source: "OpenEXR File Layout", version 2 of the format, for one part of uncompressed scan lines.
 
 use super::{Readout, metadata};
 use crate::narrow;
 use noctograph_core::camera::Camera;
 
-/// Primaries and white point of linear sRGB (ITU-R BT.709, D65).
-const CHROMATICITIES: Chromaticities = Chromaticities {
-    red: Vec2(0.64, 0.33),
-    green: Vec2(0.3, 0.6),
-    blue: Vec2(0.15, 0.06),
-    white: Vec2(0.3127, 0.329),
-};
+/// Magic number, and version 2 without flags.
+const HEAD: [u8; 8] = [0x76, 0x2f, 0x31, 0x01, 2, 0, 0, 0];
+/// Primaries (red, green, blue) and white point of linear sRGB (ITU-R BT.709, D65).
+const CHROMATICITIES: [f32; 8] = [0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329];
+/// Channels in the order of their names, which is that of the file, and their indices in a pixel.
+const CHANNELS: [(u8, usize); 3] = [(b'B', 2), (b'G', 1), (b'R', 0)];
+/// Pixel type of 32-bit floating-point numbers, without the flag for perceptual channels, and the
+/// sampling of every column and row.
+const CHANNEL: [u32; 4] = [2, 0, 1, 1];
+
+/// Name, type and value of an attribute.
+type Attribute = (&'static str, &'static str, Vec<u8>);
 
 impl Readout {
     /// Returns the readout as an uncompressed EXR file with 32 bits per channel and without a time.
@@ -25,46 +26,87 @@ impl Readout {
     /// the camera has one), software and comments. The comments have one line `keyword: text` per
     /// note, in UTF-8, which the official library and its Python module can read.
     pub fn encode_exr(&self, camera: &Camera, notes: &[(&str, String)]) -> Vec<u8> {
-        let width = self.width_px as usize;
-        let size = (width, self.height_px as usize);
-        let attributes = self.attributes(camera, notes);
-        let channels = SpecificChannels::rgb(|p: Vec2<usize>| {
-            let rgb = &self.rgb[3 * (p.y() * width + p.x())..][..3];
-            (rgb[0], rgb[1], rgb[2])
-        });
-        let layer = Layer::new(size, attributes, Encoding::UNCOMPRESSED, channels);
-        let mut image = Image::from_layer(layer);
-        image.attributes.chromaticities = Some(CHROMATICITIES);
-        let mut file = Cursor::new(Vec::new());
-        let written = image.write().non_parallel().to_buffered(&mut file);
-        written.expect("a checked picture fits into memory");
-        file.into_inner()
+        let mut file = HEAD.to_vec();
+        let about = self.about_light(camera, notes);
+        for (name, kind, value) in self.about_layout().into_iter().chain(about) {
+            let n_bytes = u32::try_from(value.len()).expect("notes are shorter than 4 GB");
+            file.extend([name.as_bytes(), &[0], kind.as_bytes(), &[0]].concat());
+            file.extend(n_bytes.to_le_bytes().into_iter().chain(value));
+        }
+        file.push(0);
+        // The table has the position of each line in the file. A line has its row, its size in
+        // bytes, and the values of one channel after another.
+        let (width, row_bytes) = (self.width_px as usize, 12 * self.width_px);
+        let first = (file.len() + 8 * self.height_px as usize) as u64;
+        let positions = (0..self.height_px.into()).map(|y| first + y * u64::from(8 + row_bytes));
+        file.extend(positions.flat_map(u64::to_le_bytes));
+        for (y, rgb) in (0..self.height_px).zip(self.rgb.chunks_exact(3 * width)) {
+            file.extend(bytes(&[y, row_bytes].map(u32::to_le_bytes)));
+            for (_, channel) in CHANNELS {
+                file.extend(rgb[channel..].iter().step_by(3).flat_map(|value| value.to_le_bytes()));
+            }
+        }
+        file
     }
 
-    /// Returns the attributes of the file's layer.
-    fn attributes(&self, camera: &Camera, notes: &[(&str, String)]) -> LayerAttributes {
-        let exposure_s = camera.shutter_close_s - camera.shutter_open_s;
-        let notes = notes.iter().map(|(keyword, text)| format!("{keyword}: {text}\n"));
-        let notes: String = notes.collect();
-        LayerAttributes {
-            exposure: Some(narrow(exposure_s)),
-            aperture: Some(narrow(camera.f_number)),
-            iso_speed: Some(narrow(camera.iso)),
-            focus: camera.focus_m.map(narrow),
-            white_luminance: Some(narrow(self.white_lx_s / camera.lx_s_of_luminance())),
-            software_name: Text::new_or_none(metadata::SOFTWARE),
-            // `Text::new_or_none` is not used, because it writes Latin-1.
-            comments: Some(Text::from_slice_unchecked(notes.as_bytes())),
-            ..LayerAttributes::default()
-        }
+    /// Returns the attributes that every file must have.
+    fn about_layout(&self) -> [Attribute; 10] {
+        let window = bytes(&[0, 0, self.width_px - 1, self.height_px - 1].map(u32::to_le_bytes));
+        let one = 1_f32.to_le_bytes().to_vec();
+        let channel = |(name, _)| [&[name, 0][..], &bytes(&CHANNEL.map(u32::to_le_bytes))].concat();
+        [
+            ("chunkCount", "int", self.height_px.to_le_bytes().to_vec()),
+            ("channels", "chlist", [&CHANNELS.map(channel).concat()[..], &[0]].concat()),
+            ("compression", "compression", vec![0]),
+            ("lineOrder", "lineOrder", vec![0]),
+            ("displayWindow", "box2i", window.clone()),
+            ("pixelAspectRatio", "float", one.clone()),
+            ("screenWindowCenter", "v2f", vec![0; 8]),
+            ("screenWindowWidth", "float", one),
+            ("dataWindow", "box2i", window),
+            ("type", "string", b"scanlineimage".to_vec()),
+        ]
     }
+
+    /// Returns the attributes of light, camera and program.
+    fn about_light(&self, camera: &Camera, notes: &[(&str, String)]) -> Vec<Attribute> {
+        let exposure_s = camera.shutter_close_s - camera.shutter_open_s;
+        let luminance_cd_m2 = self.white_lx_s / camera.lx_s_of_luminance();
+        let comments = notes.iter().map(|(keyword, text)| format!("{keyword}: {text}\n"));
+        let comments = comments.collect::<String>().into_bytes();
+        let float = |name, value: f64| (name, "float", narrow(value).to_le_bytes().to_vec());
+        let chromaticities = bytes(&CHROMATICITIES.map(f32::to_le_bytes));
+        let mut attributes =
+            vec![float("whiteLuminance", luminance_cd_m2), ("comments", "string", comments)];
+        attributes.extend(camera.focus_m.map(|focus_m| float("focus", focus_m)));
+        attributes.extend([
+            float("expTime", exposure_s),
+            float("aperture", camera.f_number),
+            float("isoSpeed", camera.iso),
+            ("chromaticities", "chromaticities", chromaticities),
+            ("software", "string", metadata::SOFTWARE.as_bytes().to_vec()),
+        ]);
+        attributes
+    }
+}
+
+/// Returns the bytes of several numbers.
+fn bytes(numbers: &[[u8; 4]]) -> Vec<u8> {
+    numbers.as_flattened().to_vec()
 }
 
 #[cfg(test)]
 mod tests {
+    use std::io::Cursor;
+
+    use exr::math::Vec2;
+    use exr::meta::attribute::Chromaticities;
+    use exr::prelude::{Encoding, Image, Layer, SpecificChannels, WritableImage};
+
     use super::*;
     use noctograph_core::camera::CameraOptions;
 
+    /// The package exr writes the same bytes from what it read of the file.
     #[test]
     fn a_readout_reads_back_from_exr_with_its_attributes() {
         let rgb: Vec<f32> = (0..5 * 3 * 3).map(|i| (i as f32 - 3.0) / 41.0).collect();
@@ -87,7 +129,7 @@ mod tests {
             )
             .first_valid_layer()
             .all_attributes()
-            .from_buffered(Cursor::new(file))
+            .from_buffered(Cursor::new(&file))
             .unwrap();
         let read = &image.layer_data.channel_data.pixels;
         assert_eq!(read, &rgb, "the readout, exactly");
@@ -101,6 +143,20 @@ mod tests {
         assert_eq!(attributes.capture_date, None, "no time stamp");
         let comments = std::str::from_utf8(attributes.comments.as_ref().unwrap().as_slice());
         assert_eq!(comments, Ok("noctograph.scene: word = \"Zoë 漢 ψ\"\n\n"));
-        assert_eq!(image.attributes.chromaticities, Some(CHROMATICITIES));
+        let [r, g, b, w] = [0, 2, 4, 6].map(|k| Vec2(CHROMATICITIES[k], CHROMATICITIES[k + 1]));
+        let wanted = Chromaticities { red: r, green: g, blue: b, white: w };
+        assert_eq!(image.attributes.chromaticities, Some(wanted));
+
+        let pixel = |p: Vec2<usize>| {
+            let rgb = &rgb[3 * (p.y() * 5 + p.x())..][..3];
+            (rgb[0], rgb[1], rgb[2])
+        };
+        let channels = SpecificChannels::rgb(pixel);
+        let layer = Layer::new((5, 3), attributes.clone(), Encoding::UNCOMPRESSED, channels);
+        let mut again = Image::from_layer(layer);
+        again.attributes = image.attributes;
+        let mut written = Cursor::new(Vec::new());
+        again.write().non_parallel().to_buffered(&mut written).unwrap();
+        assert!(written.into_inner() == file, "the bytes that the package exr writes");
     }
 }

@@ -452,23 +452,9 @@ fn line_at(text: &str, byte: usize) -> u64 {
 
 /// Reads a scene from a table of settings. For a value of the wrong type, the error names the key.
 pub(super) fn to_scene(values: Table) -> Result<Scene> {
-    // `serde_path_to_error` doubles the size of the compiled code that reads a scene. In a web
-    // page, the key is therefore taken from the message, which ends with "in `key`".
-    if cfg!(target_family = "wasm") {
-        return values.try_into().map_err(|error: toml::de::Error| {
-            let actual = error.to_string().trim().replace('\n', " ");
-            let key = actual.rsplit_once(" in `").map_or("", |(_, key)| key.trim_end_matches('`'));
-            Error::input(key.to_owned(), &actual, "values of the keys' types", HINT)
-        });
-    }
-    serde_path_to_error::deserialize(Value::Table(values)).map_err(|error| {
-        let steps = error.path().iter().filter_map(|step| match step {
-            serde_path_to_error::Segment::Seq { index } => Some(Segment::Index(*index)),
-            serde_path_to_error::Segment::Map { key } => Some(Segment::Key(key.clone())),
-            _ => None,
-        });
-        let place = Place(steps.collect());
-        let actual = error.inner().message().replace('\n', "; ");
+    values.clone().try_into().map_err(|error| {
+        let place = place_of(values, &error);
+        let actual = error.message().replace('\n', "; ");
         // Values of the wrong type are the most common mistake, so serde's message is reworded.
         let mismatch =
             actual.strip_prefix("invalid type: ").and_then(|rest| rest.split_once(", expected "));
@@ -478,6 +464,50 @@ pub(super) fn to_scene(values: Table) -> Result<Scene> {
             }
             None => Error::input(place, actual, "a value of the key's type", HINT),
         }
+    })
+}
+
+/// Returns the place of the value that a scene cannot have.
+///
+/// serde's message names the keys, without the indices of lists. A list is read in order, so a
+/// date, which no setting is, changes the message if it replaces the wrong element or one before
+/// it. The last such element is found by bisection.
+fn place_of(values: Table, error: &toml::de::Error) -> Place {
+    let date = toml::value::Datetime { date: None, time: None, offset: None };
+    let message = error.to_string();
+    let keys = message.trim_end().rsplit_once("in `").map_or("", |(_, keys)| keys);
+    let mut values = Value::Table(values);
+    let mut place = Vec::new();
+    let mut keys = keys.trim_end_matches('`').split('.').filter(|key| !key.is_empty()).peekable();
+    while let Some(key) = keys.next() {
+        place.push(Segment::Key(key.to_owned()));
+        while let Some(Value::Array(list)) = value_at(&mut values, &place) {
+            let indices: Vec<usize> = (0..list.len()).collect();
+            let n_changing = indices.partition_point(|index| {
+                let mut changed = values.clone();
+                if let Some(Value::Array(list)) = value_at(&mut changed, &place) {
+                    list[*index] = date.into();
+                }
+                let answer = changed.try_into::<Scene>();
+                answer.err().is_none_or(|error| error.to_string() != message)
+            });
+            // An error about the list as a whole is at none of its elements.
+            let is_whole = keys.peek().is_none() && message.starts_with("invalid length");
+            if n_changing == 0 || is_whole {
+                break;
+            }
+            place.push(Segment::Index(n_changing - 1));
+        }
+    }
+    Place(place)
+}
+
+/// Returns the value at the keys and indices of a place.
+fn value_at<'a>(values: &'a mut Value, place: &[Segment]) -> Option<&'a mut Value> {
+    place.iter().try_fold(values, |value, segment| match segment {
+        Segment::Key(key) => value.get_mut(key.as_str()),
+        Segment::Index(index) => value.get_mut(*index),
+        Segment::File(_) | Segment::Line(_) | Segment::Drone(_) => None,
     })
 }
 
@@ -528,6 +558,27 @@ mod tests {
         assert_eq!(error, format!("my.toml:2: {wanted}"));
         let (error, _) = refused("plan.lights = 3");
         assert!(error.ends_with("found the number `3`, wanted a list"), "{error}");
+    }
+
+    #[test]
+    fn a_wrong_element_of_a_list_is_named_by_its_index() {
+        let lamp = "[[light.fixtures]]\naxis_body = [0.0, -1.0, 0.0]\n";
+        for (toml, place) in [
+            ("plan.lights = [\"ring\", \"ring\", 3, 4]", "my.toml:1: plan.lights[2]: "),
+            ("plan.lights = [[], \"ring\"]", "my.toml:1: plan.lights[0]: "),
+            (&format!("{lamp}{lamp}name = 0.5"), "my.toml:5: light.fixtures[1].name: "),
+            (
+                "light.fixtures = [{}, { axis_body = [0.0, 1.0] }]",
+                "my.toml:1: light.fixtures[1].axis_body: ",
+            ),
+            (
+                "light.fixtures = [{}, { axis_body = [0.0, 1.0, true] }]",
+                "my.toml:1: light.fixtures[1].axis_body[2]: ",
+            ),
+        ] {
+            let (error, _) = refused(toml);
+            assert!(error.starts_with(place), "{error}");
+        }
     }
 
     #[test]

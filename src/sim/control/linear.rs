@@ -141,7 +141,7 @@ pub fn unobservable_states(a: &Matrix, c: &Matrix) -> Vec<usize> {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{Matrix2, Vector1, Vector2, dmatrix};
+    use nalgebra::{Matrix2, Vector1, Vector2};
 
     use super::*;
 

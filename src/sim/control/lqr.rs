@@ -44,7 +44,7 @@ pub fn observer_gain(
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{DMatrix, DVector, dmatrix, dvector};
+    use nalgebra::{DMatrix, DVector};
     use rand::rngs::ChaCha8Rng;
     use rand::{RngExt, SeedableRng};
 
@@ -56,7 +56,7 @@ mod tests {
         let k = lqr(
             &dmatrix![0.0, 1.0; 0.0, 0.0],
             &dmatrix![0.0; b],
-            &DMatrix::from_diagonal(&dvector![q1, q2]),
+            &DMatrix::from_diagonal(&DVector::from_row_slice(&[q1, q2])),
             &dmatrix![r],
         )
         .unwrap();
@@ -80,7 +80,7 @@ mod tests {
         (b[(9, 0)], b[(10, 1)]) = (1.0 / 1.24e-5, 1.0 / 1.27e-5);
         (b[(11, 2)], b[(8, 3)]) = (1.0 / 3.32e-5, 1.0 / 0.0351);
         let q = [120.0, 80.0, 75.0, 40.0, 0.01, 0.01, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0];
-        let r = dvector![5_045_605.0, 5_045_605.0, 38_586_096.0, 566.0];
+        let r = DVector::from_row_slice(&[5_045_605.0, 5_045_605.0, 38_586_096.0, 566.0]);
         [a, b, DMatrix::from_diagonal(&q.to_vec().into()), DMatrix::from_diagonal(&r)]
     }
 
@@ -126,7 +126,8 @@ mod tests {
         let b =
             DMatrix::from_fn(6, 2, |i, j| (((3 * i + 4 * j + 2 * i * j) % 7) as f64 - 3.0) / 2.0);
         let q = DMatrix::from_diagonal(&DVector::from_fn(6, |i, _| (i + 1) as f64));
-        let k = lqr(&a, &b, &q, &DMatrix::from_diagonal(&dvector![2.0, 0.5])).unwrap();
+        let k = lqr(&a, &b, &q, &DMatrix::from_diagonal(&DVector::from_row_slice(&[2.0, 0.5])))
+            .unwrap();
         fn gain(rows: &str) -> DMatrix<f64> {
             let entries = rows.split_whitespace().map(|entry| entry.parse().unwrap());
             DMatrix::from_row_iterator(2, 6, entries)

@@ -135,8 +135,6 @@ pub fn with_input_lag(a: &Matrix, b: &Matrix, k: &Matrix, lag_s: f64) -> [Matrix
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::dmatrix;
-
     use super::*;
 
     #[test]

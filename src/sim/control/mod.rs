@@ -20,6 +20,16 @@
 
 use nalgebra::DMatrix;
 
+/// Matrix of dynamic size from its rows, separated by semicolons. nalgebra's macro of this name is
+/// a procedural macro, whose parser takes seconds to build.
+#[cfg(test)]
+macro_rules! dmatrix {
+    ($($($value:expr),+);+) => {{
+        let rows = [$(&[$($value),+][..]),+];
+        nalgebra::DMatrix::<f64>::from_row_slice(rows.len(), rows[0].len(), &rows.concat())
+    }};
+}
+
 mod linear;
 mod lqr;
 mod margins;

@@ -32,8 +32,6 @@ pub fn poles(a: &Matrix) -> Option<Vec<Complex<f64>>> {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::dmatrix;
-
     use super::*;
 
     #[test]

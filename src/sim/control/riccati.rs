@@ -170,8 +170,6 @@ fn no_solution() -> Error {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::dmatrix;
-
     use super::*;
 
     #[test]

@@ -4,7 +4,7 @@
 //! The throttle is `τ = (a − α⁰)/α¹` with `a = a_ref − k_z e_z − k_v e_v`. No integral is needed,
 //! because the estimates of α⁰ and α¹ adapt to the battery and the load.
 
-use nalgebra::{Vector3, dmatrix};
+use nalgebra::{DMatrix, Vector3};
 
 use super::lqr::Lqr;
 use super::{Command, Controller, Reference};
@@ -52,8 +52,10 @@ pub fn altitude_gains(options: &AltitudeHoldOptions) -> Result<[f64; 2]> {
     // By Bryson's rule, a weight is 1 / deviation².
     let deviations = [options.error_m, ERROR_M_S, options.acceleration_m_s2];
     let [q_z, q_v, r] = deviations.map(|deviation| 1.0 / (deviation * deviation));
-    let q = dmatrix![q_z, 0.0; 0.0, q_v];
-    let k = lqr(&dmatrix![0.0, 1.0; 0.0, 0.0], &dmatrix![0.0; 1.0], &q, &dmatrix![r])?;
+    let a = DMatrix::from_row_slice(2, 2, &[0.0, 1.0, 0.0, 0.0]);
+    let b = DMatrix::from_row_slice(2, 1, &[0.0, 1.0]);
+    let q = DMatrix::from_row_slice(2, 2, &[q_z, 0.0, 0.0, q_v]);
+    let k = lqr(&a, &b, &q, &DMatrix::from_element(1, 1, r))?;
     Ok([k[0], k[1]])
 }
 
