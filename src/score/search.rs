@@ -130,9 +130,14 @@ pub(super) fn search(columns: &Columns, first: &Symbols, rest: &Symbols) -> Vec<
                 steps.push((grown, PrefixP { p_blank: 0.0, p_nonblank }));
             }
         }
-        merge(&mut steps, &mut beam);
+        // Unless a symbol is likely, every step leads to another prefix.
+        if steps.len() == beam.len() {
+            std::mem::swap(&mut steps, &mut beam);
+        } else {
+            merge(&mut steps, &mut beam);
+        }
         // Keeps the likeliest prefixes, scaled by the first one so that products stay in range.
-        sort_by_number(&mut beam, |(_, p)| -p.sum());
+        beam.sort_by(|a, b| b.1.sum().total_cmp(&a.1.sum()).then(a.0.cmp(&b.0)));
         beam.truncate(N_PREFIXES);
         let most = beam.first().map_or(1.0, |(_, p)| p.sum());
         for (_, p) in &mut beam {

@@ -19,73 +19,64 @@ pub struct DesignPath {
     segments: Segments,
 }
 
-/// Segments in one column for each number of [`plane_segment`], and the length of the path up to
-/// the start of each segment.
+/// Segments in one column for each number of [`plane_segment`], and the bounding box of each block
+/// of [`LANES`] segments: left, bottom, right and top.
 #[derive(Clone, Debug, Default)]
 struct Segments {
     columns: [Vec<f64>; 5],
-    starts_m: Vec<f64>,
+    boxes_m: Vec<[f64; 4]>,
 }
 
 /// Number of segments whose distances are computed together.
 const LANES: usize = 8;
 
-/// Minimum length in m of path that is skipped, because sums of lengths are rounded.
+/// Minimum distance in m by which skipped segments are farther than the nearest one, because
+/// distances are rounded.
 const ROUNDING_M: f64 = 1e-9;
 
 impl Segments {
     /// Adds a segment of the plane (start x and z, step x and z, and squared length) at the end of
     /// the path.
     fn push(&mut self, segment: [f64; 5]) {
-        let before = self.len().checked_sub(1);
-        let start_m = before.map_or(0.0, |n| self.starts_m[n] + self.columns[4][n].sqrt());
-        self.starts_m.push(start_m);
+        let [x, z, step_x, step_z, _] = segment;
+        if self.columns[0].len().is_multiple_of(LANES) {
+            self.boxes_m.push([x, z, x, z]);
+        }
+        if let Some([left, bottom, right, top]) = self.boxes_m.last_mut() {
+            for (x, z) in [(x, z), (x + step_x, z + step_z)] {
+                (*left, *right) = (left.min(x), right.max(x));
+                (*bottom, *top) = (bottom.min(z), top.max(z));
+            }
+        }
         self.columns.iter_mut().zip(segment).for_each(|(column, value)| column.push(value));
-    }
-
-    fn len(&self) -> usize {
-        self.starts_m.len()
     }
 
     /// Returns the squared distance in m² from a point to the nearest of several consecutive
     /// segments.
     ///
-    /// The search goes from the middle to both ends, [`LANES`] segments at a time. Along the path,
-    /// the distance from the point changes by at most the length of the path. Segments that cannot
-    /// be nearer than the nearest so far are therefore skipped.
+    /// The search goes from the middle to both ends. It skips the blocks of segments whose bounding
+    /// box is farther away than the nearest segment so far.
     #[inline(always)]
     fn squared_distance_m2(&self, point_m: Vector2<f64>, range: Range<usize>) -> f64 {
-        let mut least_m2 = f64::INFINITY;
-        let middle = range.start + range.len() / 2;
-        let mut next = middle;
-        while next < range.end {
-            let end = (next + LANES).min(range.end);
-            least_m2 = least_m2.min(self.nearest_m2(point_m, next..end));
-            let skipped_m = self.skipped_m(point_m, end, least_m2);
-            // The search continues at the first segment that ends beyond the skipped length.
-            let reached_m = self.starts_m.get(end).map_or(0.0, |start_m| start_m + skipped_m);
-            let later = &self.starts_m[(end + 1).min(range.end)..range.end];
-            next = end + later.partition_point(|start_m| *start_m < reached_m);
-        }
-        let mut end = middle;
-        while end > range.start {
-            let start = end.saturating_sub(LANES).max(range.start);
-            least_m2 = least_m2.min(self.nearest_m2(point_m, start..end));
-            let reached_m = self.starts_m[start] - self.skipped_m(point_m, start, least_m2);
-            let earlier = &self.starts_m[range.start..start];
-            end = range.start + earlier.partition_point(|start_m| *start_m <= reached_m);
+        let blocks = range.start / LANES..range.end.div_ceil(LANES);
+        let middle = (range.start + range.len() / 2) / LANES;
+        let (mut least_m2, mut limit_m2) = (f64::INFINITY, f64::INFINITY);
+        for block in (middle..blocks.end).chain((blocks.start..middle).rev()) {
+            let [left, bottom, right, top] = self.boxes_m[block];
+            let x = (left - point_m.x).max(point_m.x - right).max(0.0);
+            let z = (bottom - point_m.y).max(point_m.y - top).max(0.0);
+            if x * x + z * z > limit_m2 {
+                continue;
+            }
+            let first = (block * LANES).max(range.start);
+            let end = ((block + 1) * LANES).min(range.end);
+            let block_m2 = self.nearest_m2(point_m, first..end);
+            if block_m2 < least_m2 {
+                let limit_m = block_m2.sqrt() + ROUNDING_M;
+                (least_m2, limit_m2) = (block_m2, limit_m * limit_m);
+            }
         }
         least_m2
-    }
-
-    /// Returns the path length in m around a segment's start without a point nearer than
-    /// `least_m2`.
-    #[inline(always)]
-    fn skipped_m(&self, point_m: Vector2<f64>, segment: usize, least_m2: f64) -> f64 {
-        let [x, z] = [0, 1].map(|axis| self.columns[axis].get(segment).copied());
-        let (Some(x), Some(z)) = (x, z) else { return 0.0 };
-        let (x, z) = (point_m.x - x, point_m.y - z);
-        ((x * x + z * z).sqrt() - least_m2.sqrt() - ROUNDING_M).max(0.0)
     }
 
     /// Returns the squared distance in m² of a point from the nearest of at most [`LANES`]
@@ -338,7 +329,7 @@ mod tests {
             let (k, spread) = (f64::from(k), 0.02 + f64::from(k % 7) * 0.3);
             let point = Vector2::new(libm::sin(k) * spread, libm::cos(1.7 * k) * spread);
             let first = whole(3.1 * k) % 900;
-            let range = first..(first + 1 + whole(7.0 * k) % 600).min(path.segments.len());
+            let range = first..(first + 1 + whole(7.0 * k) % 600).min(path.corners.len());
             let every = range.clone().map(|n| path.segments.nearest_m2(point, n..n + 1));
             let wanted_m2 = every.fold(f64::INFINITY, f64::min);
             let actual_m2 = path.segments.squared_distance_m2(point, range.clone());
