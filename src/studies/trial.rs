@@ -23,10 +23,6 @@ use noctograph_score::{CALIBRATION, Reader, ScoreOptions};
 /// occurs for the word Illi. All scenes are compared at this resolution.
 const CAP_HEIGHT_PX: f64 = 48.0;
 
-/// Maximum distance, in pixels of the smaller film, of a lamp from its path, and of the path from
-/// its segments. With the tolerances of a full film, a shaking drone leaves a segment per sample.
-const TOLERANCE_PX: f64 = 0.02;
-
 /// A scene that is prepared for flying a word with many seeds.
 #[derive(Clone, Debug)]
 pub struct Prepared {
@@ -105,13 +101,9 @@ impl Prepared {
 
     /// Returns the shoot for one seed, with drones and lamps drawn from the conditions.
     pub fn shoot(&self, seed: u64) -> Shoot {
-        self.drawn(self.shoot.clone(), seed)
-    }
-
-    /// Returns a shoot of this scene with the seed, and with drones and lamps drawn for it.
-    fn drawn(&self, mut shoot: Shoot, seed: u64) -> Shoot {
+        let mut shoot = self.shoot.clone();
         shoot.scene.seed = seed;
-        let actual = (0..).map(|drone| self.conditions.draw(&shoot.scene, seed, drone));
+        let actual = (0..).map(|drone| self.conditions.draw(&self.scene, seed, drone));
         shoot.actual = actual.take(shoot.plans.len()).collect();
         shoot
     }
@@ -154,10 +146,11 @@ impl Prepared {
 
     /// Takes the photo for one seed, with capitals `cap_height_px` high, or the scene's if smaller.
     pub fn photo(&self, seed: u64, cap_height_px: f64) -> Result<Photo> {
-        let scene = self.scene.clone();
-        let mut shoot = Shoot { judging: Judging::Skipped, scene, ..self.shoot.clone() };
+        let mut shoot = Shoot { judging: Judging::Skipped, ..self.shoot(seed) };
+        shoot.scene.camera = self.scene.camera.clone();
+        shoot.scene.photo = self.scene.photo.clone();
         shrink(&mut shoot, cap_height_px)?;
-        Ok(self.drawn(shoot, seed).take(&|_, _| {})?.photo)
+        Ok(shoot.take(&|_, _| {})?.photo)
     }
 }
 
@@ -172,8 +165,7 @@ pub(super) fn or_lost<T>(flown: Result<T>) -> Result<std::result::Result<T, Stri
 }
 
 /// Reduces the camera's resolution until capitals are at most `cap_height_px` high. Each pixel is
-/// then the mean of many pixels with hardly any noise, so the noise is switched off. Paths of lamps
-/// are as exact as these pixels need.
+/// then the mean of many pixels with hardly any noise, so the noise is switched off.
 pub(super) fn shrink(shoot: &mut Shoot, cap_height_px: f64) -> Result<()> {
     let Some(strokes) = &shoot.strokes else { return Ok(()) };
     let end_s = shoot.plans.iter().map(|planned| planned.plan.duration_s()).fold(0.0, f64::max);
@@ -188,8 +180,6 @@ pub(super) fn shrink(shoot: &mut Shoot, cap_height_px: f64) -> Result<()> {
     if factor >= 1.0 {
         return Ok(());
     }
-    scene.light.path_tolerance_m = TOLERANCE_PX * (top - bottom) / cap_height_px;
-    scene.expose.merge_tolerance_px = TOLERANCE_PX;
     #[expect(clippy::cast_possible_truncation, reason = "smaller")]
     for side_px in [&mut scene.camera.width_px, &mut scene.camera.height_px] {
         *side_px = (f64::from(*side_px) * factor).round().max(1.0) as u32;
@@ -247,8 +237,8 @@ mod tests {
         let ready = prepared("NOOR", |_| {});
         for seed in 1..3 {
             let small = ready.outcome(seed).unwrap();
-            let shoot = Shoot { scene: ready.scene.clone(), ..ready.shoot.clone() };
-            let shot = ready.drawn(shoot, seed).take(&|_, _| {}).unwrap();
+            let shoot = Shoot { scene: Scene { seed, ..ready.scene.clone() }, ..ready.shoot(seed) };
+            let shot = shoot.take(&|_, _| {}).unwrap();
             assert_eq!((shot.photo.width_px, shot.photo.height_px), (1920, 1080), "its own");
             let [small_m, full_m] =
                 [ready.shoot(seed), shot.shoot].map(|shoot| shoot.actual[0].light.path_tolerance_m);
