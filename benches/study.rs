@@ -1,17 +1,6 @@
 //! Measures the throughput, on one core, of studies in which NOOR is planned, flown, exposed on a
 //! small film and read, and the throughput of the flight alone. The goal is 25 flights per second
 //! and core, which is 40 ms per flight.
-//!
-//! In November 2026 a flight of NOOR took 44 ms with the preset `cf21`, and 63 ms with `ae483-2022`.
-//! By stage, in ms (`perf record --call-graph dwarf`, 60 flights):
-//!
-//! | stage | `cf21` | `ae483-2022` |
-//! |---|---|---|
-//! | flight: physics, sensors, estimator, controller | 17.4 | 12.5 |
-//! | lamps, light meter, film and photo | 6.7 | 26.2 |
-//! | reading at the word's place, and judgment | 8.1 | 6.3 |
-//! | blind reading | 6.5 | 13.9 |
-//! | figures of the flight | 4.1 | 3.1 |
 
 use std::hint::black_box;
 
