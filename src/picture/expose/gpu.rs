@@ -247,10 +247,10 @@ fn add(light: &[u32], lit: &[LitTile], latent: &Latent, counts: &mut [u32], is_d
         for (tile, light) in tiles.filter(|(tile, _)| tile.row == row) {
             let fractions = latent.tints[tile.tint].fractions;
             let x = tile.column * size;
-            if std::mem::take(&mut is_dark[tile.column]) {
-                tile::touch_lit(&mut planes, fractions, [width, x], n_rows);
-            }
             let inside = [size.min(width - x), n_rows];
+            if std::mem::take(&mut is_dark[tile.column]) {
+                tile::touch_lit(&mut planes, fractions, [width, x], inside);
+            }
             tile::count(light, [size, 0], fractions, &mut planes, [width, x], inside);
         }
     });

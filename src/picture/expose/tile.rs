@@ -48,13 +48,10 @@ impl Tiles {
             let first = row * self.width.div_ceil(TILE_PX[0]);
             for column in first_column..=last_column {
                 if !std::mem::replace(&mut self.lit[first + column], true) {
-                    let corner = [column * TILE_PX[0], row * TILE_PX[1]];
-                    let rows = TILE_PX[1].min(self.rows.len() - corner[1]);
-                    touch(
-                        &mut self.counts,
-                        [self.stride, corner[1] * self.stride + corner[0]],
-                        rows,
-                    );
+                    let [x, y] = [column * TILE_PX[0], row * TILE_PX[1]];
+                    let size =
+                        [TILE_PX[0].min(self.width - x), TILE_PX[1].min(self.rows.len() - y)];
+                    touch(&mut self.counts, [self.stride, y * self.stride + x], size);
                 }
             }
         }
@@ -74,7 +71,7 @@ impl Tiles {
             let light = &mut self.counts[y * self.stride..][..size[1] * self.stride];
             let to = [self.width, y * self.width + x];
             if !std::mem::replace(&mut self.counted[tile], true) {
-                touch_lit(planes, fractions, to, size[1]);
+                touch_lit(planes, fractions, to, size);
             }
             count(light, [self.stride, x], fractions, planes, to, size);
             light.chunks_exact_mut(self.stride).for_each(|row| row[x..x + size[0]].fill(0));
@@ -82,10 +79,13 @@ impl Tiles {
     }
 }
 
-/// Writes zeros to the first column of rows that are dark, `stride` apart. A page of memory that is
-/// read before it is written would be mapped twice.
-fn touch(counts: &mut [u32], [stride, first]: [usize; 2], rows: usize) {
-    counts[first..].iter_mut().step_by(stride).take(rows).for_each(|count| *count = 0);
+/// Writes zeros to the ends of dark rows `stride` apart. A page of memory that is read before it is
+/// written would be mapped twice.
+fn touch(counts: &mut [u32], [stride, first]: [usize; 2], [columns, rows]: [usize; 2]) {
+    for row in 0..rows {
+        let start = first + row * stride;
+        (counts[start], counts[start + columns - 1]) = (0, 0);
+    }
 }
 
 /// Prepares the dark rows of the planes to which light is added for the first time.
@@ -93,10 +93,10 @@ pub(super) fn touch_lit(
     planes: &mut [&mut [u32]],
     fractions: [u32; 3],
     from: [usize; 2],
-    rows: usize,
+    size: [usize; 2],
 ) {
     let lit = planes.iter_mut().zip(fractions).filter(|(_, fraction)| *fraction > 0);
-    lit.for_each(|(plane, _)| touch(plane, from, rows));
+    lit.for_each(|(plane, _)| touch(plane, from, size));
 }
 
 /// Adds columns and rows of light to planes, with a fraction for each plane. The light starts at
