@@ -7,7 +7,7 @@ use super::printer::{print, wrapped};
 use super::{findings, show};
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::error::Result;
-use crate::preflight::{Preflight, preflight};
+use crate::preflight::{Preflight, preflight_flown};
 use clap::Args;
 use serde_json::json;
 
@@ -24,16 +24,13 @@ pub(super) struct CheckArgs {
 /// Runs the verb `check`, which flies the word or the plans in simulation and lists the findings.
 /// The report passes if no finding stops the flight.
 pub(super) fn run(args: &CheckArgs) -> Result<Report> {
-    let shoot = args.subject.shoot(
-        |scene| {
-            args.profile.slow(&args.subject, scene);
-            args.stand.apply(scene)
-        },
-        &|_| Ok(()),
-    )?;
+    let shoot = args.subject.flown(|scene| {
+        args.profile.slow(&args.subject, scene);
+        args.stand.apply(scene)
+    })?;
     // If the scene has a room, its walls limit the profile's volume.
     let profile = args.profile.profile(&shoot.scene);
-    let Preflight { findings, placement } = preflight(&shoot, &profile)?;
+    let (shoot, Preflight { findings, placement }) = preflight_flown(shoot, &profile)?;
     let stops = findings.iter().any(Diagnostic::is_stop);
     let product = json!({
         "fly": !stops, "profile": profile, "drones": shoot.plans.len(),

@@ -8,6 +8,7 @@ use super::outcome::shell_word;
 use super::output::{drone_number, is_csv};
 use super::terminal::{message, warn};
 use crate::error::{Error, Result};
+use crate::letters::Strokes;
 use crate::plan::{Plan, Style};
 use crate::preflight::{Profile, fit_within, frame_within, hang_stations, longer_than_battery};
 use crate::scene::{CarriedScene, NamedScene, Scene};
@@ -309,6 +310,20 @@ impl SubjectFlags {
         change: impl FnOnce(&mut Scene) -> Result<()>,
         check: &DesignCheck<'_>,
     ) -> Result<Shoot> {
+        self.planned(change, |scene, strokes| Shoot::of_strokes(scene, strokes, check))
+    }
+
+    /// Returns the shoot as [`shoot`](Self::shoot) does, with the flight of a word that is written
+    /// by a single drone, if it can be simulated while the word is planned.
+    pub(super) fn flown(&self, change: impl FnOnce(&mut Scene) -> Result<()>) -> Result<Shoot> {
+        self.planned(change, |scene, strokes| Shoot::flown(scene, strokes, &|_| Ok(())))
+    }
+
+    fn planned(
+        &self,
+        change: impl FnOnce(&mut Scene) -> Result<()>,
+        plan: impl FnOnce(Scene, Strokes) -> Result<Shoot>,
+    ) -> Result<Shoot> {
         // Plans are flown in the scene that belongs to them, and in their room.
         if let Some(plans) = self.plans()? {
             let carried = self.design.scene.carried(&plans)?;
@@ -328,7 +343,7 @@ impl SubjectFlags {
         }
         let scene = self.ready(change)?;
         let strokes = scene.strokes()?;
-        let shoot = Shoot::of_strokes(scene, strokes, check)?;
+        let shoot = plan(scene, strokes)?;
         warn_of_fewer_drones(&shoot);
         warn(longer_than_battery(&shoot));
         if self.design.scene.sets("letters.cap_height_m") {

@@ -21,6 +21,7 @@ use crate::export::{Form, Length};
 use crate::expose::Developer;
 use crate::preflight::{CAMERA_PLACE, ShotPlan};
 use crate::report::{ShotNotes, shot_page};
+use crate::scene::Scene;
 use crate::score::Verdict;
 use crate::shoot::{Format, Shoot, Shot};
 use crate::studies::{Remedy, remedies_for};
@@ -72,9 +73,11 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
         folder.replaces(leftovers(&args.output, kind, n_numbered)?);
     }
     let (format, keeps_film) = (Some(Format::Png), args.report);
+    // Both photos are exposed on one device.
+    let again = flown.is_some().then(|| developer.clone());
     let shot = Shoot { format, keeps_film, ..shoot }.take_by(developer, &watch())?;
-    let backend = args.picture.backend;
-    let flown = flown.map(|flown| Shoot { backend, ..flown }.take(&watch())).transpose()?;
+    let flown =
+        flown.zip(again).map(|(flown, again)| flown.take_by(again, &watch())).transpose()?;
     let sentence = |problem: &Diagnostic| problem.sentence(mentioned);
     let problems = |are: bool| shot.problems.iter().filter(move |it| it.is_stop() == are);
     let obstacles: Vec<String> = problems(true).map(sentence).collect();
@@ -154,14 +157,12 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
 
 /// Returns the shoot of the word or the plans, with exported trajectories if they are requested.
 fn planned(args: &PreviewArgs) -> Result<Shoot> {
-    let shoot = args.subject.shoot(
-        |scene| {
-            args.profile.slow(&args.subject, scene);
-            args.picture.apply(scene)
-        },
-        &|_| Ok(()),
-    )?;
-    let Some(form) = args.as_exported else { return Ok(shoot) };
+    let change = |scene: &mut Scene| {
+        args.profile.slow(&args.subject, scene);
+        args.picture.apply(scene)
+    };
+    let Some(form) = args.as_exported else { return args.subject.flown(change) };
+    let shoot = args.subject.shoot(change, &|_| Ok(()))?;
     warn_of_trailing(&shoot);
     let shoot = shoot.as_exported(form, form.tolerance_m(), Length::OnBoard)?;
     // The slow firmware clock applies only to the compressed form. The other form is flown by

@@ -48,7 +48,7 @@ impl Font {
     pub fn open(name: &str, trace: Trace) -> Result<Self> {
         let path = Path::new(name);
         let face: Arc<dyn Face + Send + Sync> = match check_name("letters.font", name)? {
-            Kind::Shipped(text) => Arc::new(StrokeFont::parse(text, name)?),
+            Kind::Shipped(text) => Arc::new(StrokeFont::shipped(text)),
             Kind::Strokes => Arc::new(StrokeFont::parse(&STROKES.read_text(path)?, name)?),
             // Shaping would make a web page's module larger by a third, and a page cannot use
             // typefaces.
@@ -147,6 +147,18 @@ pub(super) fn check_name(key: &str, name: &str) -> Result<Kind> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn letters_of_shipped_fonts_are_those_of_their_files() {
+        for (name, text) in FONTS {
+            let [whole, lazy] = [StrokeFont::parse(text, name).unwrap(), StrokeFont::shipped(text)];
+            assert!(whole.characters().eq(lazy.characters()), "{name}");
+            for character in whole.characters() {
+                let [a, b] = [&whole, &lazy].map(|font| font.shape(character).unwrap());
+                assert_eq!(a, b, "{name}: {character}");
+            }
+        }
+    }
 
     #[test]
     fn every_font_under_fonts_is_readable() {

@@ -48,29 +48,35 @@ type Words<'a> = std::iter::Peekable<std::str::SplitAsciiWhitespace<'a>>;
 #[derive(Debug)]
 pub(super) struct StrokeFont {
     fit: Fit,
+    /// Number of the font's units in a capital's height.
+    units: f64,
     letters: BTreeMap<char, Arc<Shape>>,
     n_points: usize,
+    /// Lines of letters that are parsed when they are drawn.
+    lines: BTreeMap<char, &'static str>,
 }
+
+impl Default for StrokeFont {
+    fn default() -> Self {
+        let (letters, lines) = (BTreeMap::new(), BTreeMap::new());
+        Self { fit: Fit::Box, units: 1.0, letters, n_points: 0, lines }
+    }
+}
+
+/// Heights of a capital in the file's units.
+const CAP_HEIGHTS: std::ops::RangeInclusive<f64> = 1e-3..=1e6;
 
 impl StrokeFont {
     /// Parses a font from its text. The error names the line that is malformed.
     pub(super) fn parse(text: &str, file: &str) -> Result<Self> {
-        /// Heights of a capital in the file's units.
-        const CAP_HEIGHTS: std::ops::RangeInclusive<f64> = 1e-3..=1e6;
         /// Maximum number of characters of a line that the error shows.
         const MAX_SHOWN: usize = 60;
-        let lines = (1..).zip(text.lines().map(str::trim_end));
-        let mut font = Self { fit: Fit::Box, letters: BTreeMap::new(), n_points: 0 };
-        let mut units = 1.0;
-        for (number, line) in lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#')) {
+        let mut font = Self::default();
+        for (number, line) in lines(text) {
             // The line with the height of a capital precedes all letters.
             let read = match line.strip_prefix("cap ").filter(|_| font.letters.is_empty()) {
-                Some(height) => {
-                    font.fit = Fit::Proportional;
-                    units = height.parse().unwrap_or(f64::NAN);
-                    CAP_HEIGHTS.contains(&units).then_some(())
-                }
-                None => font.parse_letter(line, units),
+                Some(height) => font.parse_units(height),
+                None => font.parse_letter(line),
             };
             read.ok_or_else(|| {
                 let start: String = line.chars().take(MAX_SHOWN).collect();
@@ -87,16 +93,32 @@ impl StrokeFont {
         Ok(font)
     }
 
-    /// Parses the line of a letter and adds the letter. `units` is the number of the file's units
-    /// in a cap height. Returns `None` if the line is malformed, the letter already exists, or
-    /// there are too many points.
-    fn parse_letter(&mut self, line: &str, units: f64) -> Option<()> {
-        let mut words = line.split_ascii_whitespace().peekable();
-        let character = parse_name(words.next()?)?;
-        let shape = match words.next_if_eq(&"=") {
-            Some(_) => self.parse_composed(words, units)?,
-            None => self.parse_runs(words, units)?,
-        };
+    /// Returns a font that the program contains. A word needs few of its letters, so a letter is
+    /// parsed when it is drawn. A test parses all of them.
+    pub(super) fn shipped(text: &'static str) -> Self {
+        let mut font = Self::default();
+        for (_, line) in lines(text) {
+            if let Some(height) = line.strip_prefix("cap ") {
+                font.parse_units(height);
+            } else if let Some(name) = line.split_ascii_whitespace().next().and_then(parse_name) {
+                font.lines.insert(name, line);
+            }
+        }
+        font
+    }
+
+    /// Parses the height of a capital. Returns `None` if it is malformed or out of range.
+    fn parse_units(&mut self, height: &str) -> Option<()> {
+        self.fit = Fit::Proportional;
+        self.units = height.parse().unwrap_or(f64::NAN);
+        CAP_HEIGHTS.contains(&self.units).then_some(())
+    }
+
+    /// Parses the line of a letter and adds the letter. Returns `None` if the line is malformed,
+    /// the letter already exists, or there are too many points.
+    fn parse_letter(&mut self, line: &str) -> Option<()> {
+        let character = parse_name(line.split_ascii_whitespace().next()?)?;
+        let shape = self.parse_shape(line)?;
         self.n_points += shape.n_points();
         if shape.n_points() > MAX_POINTS || self.n_points > MAX_FONT_POINTS {
             return None;
@@ -104,22 +126,38 @@ impl StrokeFont {
         self.letters.insert(character, Arc::new(shape)).is_none().then_some(())
     }
 
+    /// Parses the shape in the line of a letter. Returns `None` if the line is malformed.
+    fn parse_shape(&self, line: &str) -> Option<Shape> {
+        let mut words = line.split_ascii_whitespace().peekable();
+        words.next()?;
+        match words.next_if_eq(&"=") {
+            Some(_) => self.parse_composed(words),
+            None => self.parse_runs(words),
+        }
+    }
+
+    /// Returns a letter that has a line of its own.
+    fn letter(&self, character: char) -> Option<Arc<Shape>> {
+        let parse = |line: &&str| self.parse_shape(line).map(Arc::new);
+        self.letters.get(&character).cloned().or_else(|| self.lines.get(&character).and_then(parse))
+    }
+
     /// Parses a composed letter from the words after `=`: base, mark, and optionally `dx,dy`.
-    /// `units` is the number of the file's units in a cap height. Returns `None` if the words are
-    /// malformed or have too many points.
-    fn parse_composed(&self, mut words: Words<'_>, units: f64) -> Option<Shape> {
-        let base = self.letters.get(&parse_name(words.next()?)?)?;
-        let mark = self.letters.get(&parse_name(words.next()?)?)?;
-        let offset = words.next().map_or(Some(Point::ZERO), |word| parse_point(word, units))?;
+    /// Returns `None` if the words are malformed or have too many points.
+    fn parse_composed(&self, mut words: Words<'_>) -> Option<Shape> {
+        let base = self.letter(parse_name(words.next()?)?)?;
+        let mark = self.letter(parse_name(words.next()?)?)?;
+        let offset =
+            words.next().map_or(Some(Point::ZERO), |word| parse_point(word, self.units))?;
         // The size is checked before the letter is composed, so that memory use is bounded.
         let is_small = base.n_points() + mark.n_points() <= MAX_POINTS;
-        (is_small && words.next().is_none()).then(|| compose(base, mark, offset.to_vec2()))
+        (is_small && words.next().is_none()).then(|| compose(&base, &mark, offset.to_vec2()))
     }
 
     /// Parses a letter's shape from words: the advance (omitted in box fonts), followed by the
-    /// runs, each a `+` (lit) or `-` (dark) and its points. `units` is the number of the file's
-    /// units in a cap height. Returns `None` if the words are malformed.
-    fn parse_runs(&self, mut words: Words<'_>, units: f64) -> Option<Shape> {
+    /// runs, each a `+` (lit) or `-` (dark) and its points. Returns `None` if the words are malformed.
+    fn parse_runs(&self, mut words: Words<'_>) -> Option<Shape> {
+        let units = self.units;
         let advance = match self.fit {
             Fit::Box => 1.0,
             Fit::Proportional => parse_number(words.next()?, units)?,
@@ -144,14 +182,15 @@ impl StrokeFont {
 
 impl Face for StrokeFont {
     fn characters(&self) -> Box<dyn Iterator<Item = char> + '_> {
-        Box::new(self.letters.keys().copied())
+        // Only one of the two maps has letters.
+        Box::new(self.letters.keys().chain(self.lines.keys()).copied())
     }
 
     /// Returns a stored letter, or one composed of a letter and its marks.
     fn shape(&self, character: char) -> Option<Arc<Shape>> {
         let mut signs = MARKS.chars().zip(SIGNS.chars());
         let sign = signs.find(|(mark, _)| *mark == character).map_or(character, |(_, sign)| sign);
-        self.letters.get(&sign).cloned().or_else(|| {
+        self.letter(sign).or_else(|| {
             // Canonical decomposition (NFD): the base, followed by the marks from the inside out.
             let mut parts = std::iter::once(character).nfd();
             let base = parts.next().filter(|base| *base != character)?;
@@ -161,7 +200,7 @@ impl Face for StrokeFont {
                 'j' => 'ȷ',
                 base => base,
             };
-            let base = self.letters.get(&base)?.clone();
+            let base = self.letter(base)?;
             parts.try_fold(base, |base, mark| self.with_mark(&base, mark))
         })
     }
@@ -188,6 +227,12 @@ fn compose(base: &Shape, mark: &Shape, offset: Vec2) -> Shape {
         Run { lit: run.lit, points: points.collect() }
     }));
     Shape { advance: base.advance, runs, lost_length: 0.0 }
+}
+
+/// Returns the lines of a font that are neither empty nor comments, with their numbers.
+fn lines(text: &str) -> impl Iterator<Item = (u64, &str)> {
+    let lines = (1..).zip(text.lines().map(str::trim_end));
+    lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'))
 }
 
 /// Parses a character or its code point (`U+0023`). Returns `None` for any other word.

@@ -196,7 +196,7 @@ fn start_m(plan: &Plan, floor: &FloorOptions) -> Vector3<f64> {
 
 /// Checks that the plan has setpoints, that their values are within ±[`LOST`], and that they clear
 /// the floor. Returns [`Error::Input`] with the number of the setpoint, counted from 0.
-fn check_plan(plan: &Plan, floor: &FloorOptions) -> Result<()> {
+pub(super) fn check_plan(plan: &Plan, floor: &FloorOptions) -> Result<()> {
     let hint = "plan the word again, or correct the file that the plan was read from";
     if plan.setpoints.is_empty() {
         return Err(Error::input("plan", "no setpoint", "at least one setpoint", hint));

@@ -31,6 +31,7 @@ pub mod kalman;
 mod options;
 mod radio;
 mod recorder;
+mod relit;
 pub mod sensors;
 mod session;
 pub mod vehicle;
@@ -51,4 +52,5 @@ pub use options::{
     LqrOptions, LuenbergerOptions, MotorLag, ObserverOptions, PidOptions, RadioOptions,
     RateOptions, SetpointKind, Setpoints, Share, SimOptions, SweepAttitude,
 };
+pub use relit::{holds_positions, relit};
 pub use session::Session;

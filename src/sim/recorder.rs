@@ -62,7 +62,7 @@ impl Recorder {
 const TAKE_OFF_M: f64 = 0.2;
 
 /// Returns a warning if the drone stays on the floor while its plan rises, and `None` otherwise.
-fn grounded(samples: &[FlightSample]) -> Option<Diagnostic> {
+pub(super) fn grounded(samples: &[FlightSample]) -> Option<Diagnostic> {
     let first = samples.first()?;
     let planned_m = samples.iter().map(|s| s.design_m.z).fold(f64::MIN, f64::max);
     let plan_rises = planned_m - first.design_m.z > TAKE_OFF_M;

@@ -25,6 +25,9 @@ const BAND_PIXELS: u64 = 1 << 19;
 /// Number of counts in a page of memory.
 const PAGE: usize = 1024;
 
+/// Minimum number of pages in a parallel task.
+const TASK_PAGES: usize = 128;
+
 /// Adds up the light of a latent image in at most `n_bands` bands of rows, which are processed in
 /// parallel. Returns the counts of red, green and blue, one plane after another.
 pub(super) fn splat(n_bands: u64, latent: &Latent) -> Vec<u32> {
@@ -54,7 +57,8 @@ pub(super) fn dark_counts(latent: &Latent) -> Vec<u32> {
     // mapped twice.
     let glow_start = latent.glow.as_ref().map_or(height, Glow::top_px) * width;
     for plane in counts.chunks_exact_mut(width * height) {
-        plane[glow_start..].chunks_mut(PAGE).for_each(|page| page[0] = black_box(0));
+        let pages = plane[glow_start..].par_chunks_mut(PAGE).with_min_len(TASK_PAGES);
+        pages.for_each(|page| page[0] = black_box(0));
     }
     counts
 }

@@ -1,15 +1,16 @@
 //! Draws records on a graphics device without a window: Vulkan, Metal or DirectX 12 through wgpu.
 //!
-//! Each color has a buffer of lit tiles. The shader adds the parts of records to it without atomic
-//! operations, which would take longer than everything else on lavapipe.
+//! The lit tiles of each color are in a buffer. The shader adds the parts of records to it without
+//! atomic operations, which would take longer than everything else on lavapipe.
 
 use std::sync::{Arc, Mutex};
 
+use rayon::prelude::*;
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
 use super::Latent;
 use super::cpu::dark_counts;
-use super::gpu_tiles::{Chunk, Part, TILE_PX, chunks, lit_tiles};
+use super::gpu_tiles::{Chunk, LitTile, Part, TILE_PX, chunks, fits_one_chunk, lit_tiles};
 use super::record::SPOTS;
 use super::tile;
 use noctograph_core::error::{Error, Result};
@@ -19,9 +20,30 @@ pub(super) const SHADER: &str = include_str!("../../../shaders/splat.wgsl");
 /// Size of a tile's counts, in bytes.
 const TILE_BYTES: u64 = (size_of::<u32>() as u64) * (TILE_PX as u64) * (TILE_PX as u64);
 
-/// Maximum number of tiles in a buffer: they take 256 MiB, enough for 67 megapixels. Every device
-/// supports this number of workgroups.
-const MAX_TILES: u64 = 16_384;
+/// Maximum number of tiles in a buffer: they take 64 MiB, enough for 16 lit megapixels. Every
+/// device supports this number of workgroups.
+const MAX_TILES: u64 = 4096;
+
+/// The part of the work on an image that needs no device, and is done while one is opened.
+#[derive(Debug)]
+pub(super) struct Prepared {
+    counts: Vec<u32>,
+    lit: Vec<LitTile>,
+    /// The records as a single chunk, or `None` if they are too many for one.
+    chunk: Option<Chunk>,
+}
+
+impl Prepared {
+    /// Prepares the work on an image.
+    pub(super) fn new(latent: &Latent) -> Self {
+        let lit = lit_tiles(latent);
+        let mut chunk = None;
+        if lit.len() as u64 <= MAX_TILES && fits_one_chunk(latent) {
+            chunks(latent, &lit, |only| chunk = Some(std::mem::take(only)));
+        }
+        Self { counts: dark_counts(latent), lit, chunk }
+    }
+}
 
 /// An open graphics device with the compiled shader.
 #[derive(Debug)]
@@ -99,30 +121,22 @@ impl Gpu {
 
     /// Adds up the light of a latent image. Returns the counts of red, green and blue, one plane
     /// after another. Returns [`Error::Gpu`] if the device fails.
-    pub(super) fn splat(&self, latent: &Latent) -> Result<Vec<u32>> {
-        let [width, height] = latent.size_px.map(|px| px as usize);
+    pub(super) fn splat(&self, latent: &Latent, prepared: Prepared) -> Result<Vec<u32>> {
+        let Prepared { mut counts, lit, mut chunk } = prepared;
         let max_tiles = (self.max_tiles_bytes / TILE_BYTES).min(MAX_TILES) as usize;
         if max_tiles == 0 {
             return Err(self.fail("a tile is too large for this device"));
         }
-        let mut counts = dark_counts(latent);
-        let mut planes: Vec<&mut [u32]> = counts.chunks_exact_mut(width * height).collect();
-        for tint in &latent.tints {
-            // Sums the light of each color on the device, and then adds its counts to the film.
-            let (across, lit) = lit_tiles(tint, latent.size_px);
-            for lit in lit.chunks(max_tiles) {
-                let tiles = self.dark_tiles(lit.len());
-                chunks(tint, latent, lit, |chunk| self.dispatch(chunk, &tiles));
-                self.read(&tiles, lit.len(), |light| {
-                    let size = TILE_PX as usize;
-                    for (light, tile) in light.chunks_exact(size * size).zip(lit) {
-                        let [x, y] = [tile % across * size, tile / across * size];
-                        let inside = [size.min(width - x), size.min(height - y)];
-                        let to = [width, y * width + x];
-                        tile::count(light, [size, 0], tint.fractions, &mut planes, to, inside);
-                    }
-                })?;
+        // Sums the light of all colors on the device, and then adds the counts to the film. The
+        // device is waited for once, unless the tiles exceed a buffer.
+        let is_single = lit.len() <= max_tiles;
+        for (index, lit) in lit.chunks(max_tiles).enumerate() {
+            let tiles = self.dark_tiles(lit.len());
+            match chunk.take().filter(|_| is_single) {
+                Some(mut chunk) => self.dispatch(&mut chunk, &tiles),
+                None => chunks(latent, lit, |chunk| self.dispatch(chunk, &tiles)),
             }
+            self.read(&tiles, lit.len(), |light| add(light, lit, latent, &mut counts, index == 0))?;
         }
         Ok(counts)
     }
@@ -216,6 +230,32 @@ impl Gpu {
     fn fail(&self, what: impl std::fmt::Display) -> Error {
         gpu_error(format!("{}: {what}", self.adapter), "choose the CPU as the backend")
     }
+}
+
+/// Adds the light of tiles to the counts of three planes, which are dark if `is_dark` is true. The
+/// rows of tiles are processed in parallel.
+fn add(light: &[u32], lit: &[LitTile], latent: &Latent, counts: &mut [u32], is_dark: bool) {
+    let [width, height] = latent.size_px.map(|px| px as usize);
+    let size = TILE_PX as usize;
+    let (red, others) = counts.split_at_mut(width * height);
+    let (green, blue) = others.split_at_mut(width * height);
+    let [red, green, blue] = [red, green, blue].map(|plane| plane.par_chunks_mut(size * width));
+    let rows = (red, green, blue).into_par_iter().enumerate();
+    rows.for_each(|(row, (red, green, blue))| {
+        let mut planes = [red, green, blue];
+        let n_rows = size.min(height - row * size);
+        let mut is_dark = vec![is_dark; width.div_ceil(size)];
+        let tiles = lit.iter().zip(light.chunks_exact(size * size));
+        for (tile, light) in tiles.filter(|(tile, _)| tile.row == row) {
+            let fractions = latent.tints[tile.tint].fractions;
+            let x = tile.column * size;
+            let inside = [size.min(width - x), n_rows];
+            if std::mem::take(&mut is_dark[tile.column]) {
+                tile::touch_lit(&mut planes, fractions, [width, x], inside);
+            }
+            tile::count(light, [size, 0], fractions, &mut planes, [width, x], inside);
+        }
+    });
 }
 
 /// Compiles a shader in WGSL, whose entry point is `splat`.

@@ -6,9 +6,9 @@
 
 use std::ops::Range;
 
+use super::Latent;
 use super::curves::Curves;
 use super::record::{Record, SPOTS};
-use super::{Latent, Tint};
 
 pub(super) const TILE_PX: u32 = 64;
 
@@ -41,18 +41,37 @@ pub(super) struct Chunk {
     pub(super) curves: Vec<[u32; SPOTS]>,
 }
 
-/// Returns the number of tiles across the picture, and the indices of the tiles that the records of
-/// a color touch, row by row.
-pub(super) fn lit_tiles(tint: &Tint, [width, height]: [u32; 2]) -> (usize, Vec<usize>) {
+/// A tile that the records of a color touch.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LitTile {
+    /// Index of the color.
+    pub(super) tint: usize,
+    /// Column and row of the tile in the picture.
+    pub(super) column: usize,
+    pub(super) row: usize,
+}
+
+/// Returns the lit tiles of all colors, one color after another.
+pub(super) fn lit_tiles(latent: &Latent) -> Vec<LitTile> {
+    let [width, height] = latent.size_px;
     let across = width.div_ceil(TILE_PX) as usize;
-    let mut lit = vec![false; across * height.div_ceil(TILE_PX) as usize];
-    for record in &tint.records {
-        let [columns, rows] = record.inside(width, &(0..height)).map(tiles);
-        for row in rows {
-            lit[row * across + columns.start..row * across + columns.end].fill(true);
+    let mut lit_tiles = Vec::new();
+    for (tint, records) in latent.tints.iter().map(|tint| &tint.records).enumerate() {
+        let mut lit = vec![false; across * height.div_ceil(TILE_PX) as usize];
+        for record in records {
+            let [columns, rows] = record.inside(width, &(0..height)).map(tiles);
+            for row in rows {
+                lit[row * across + columns.start..row * across + columns.end].fill(true);
+            }
         }
+        let lit = (0..lit.len()).filter(|&tile| lit[tile]);
+        lit_tiles.extend(lit.map(|tile| LitTile {
+            tint,
+            column: tile % across,
+            row: tile / across,
+        }));
     }
-    (across, (0..lit.len()).filter(|&tile| lit[tile]).collect())
+    lit_tiles
 }
 
 /// Returns the tiles that a range of pixels touches along one axis.
@@ -61,39 +80,49 @@ fn tiles(pixels: Range<u32>) -> Range<usize> {
     (pixels.start / TILE_PX) as usize..pixels.end.div_ceil(TILE_PX) as usize
 }
 
-/// Calls `send` with the records of a color in chunks. A chunk contains the curves of its records,
-/// and their parts on the tiles in `lit`.
-pub(super) fn chunks(
-    tint: &Tint,
-    latent: &Latent,
-    lit: &[usize],
-    mut send: impl FnMut(&mut Chunk),
-) {
+/// True if all records of an image fit into one chunk.
+pub(super) fn fits_one_chunk(latent: &Latent) -> bool {
+    let records = latent.tints.iter().flat_map(|tint| &tint.records);
+    records.map(|record| (record.width + record.height) as usize).sum::<usize>() <= CHUNK
+}
+
+/// Calls `send` with the records of the colors in `lit` in chunks. A chunk contains the curves of
+/// its records, and their parts on the tiles in `lit`.
+pub(super) fn chunks(latent: &Latent, lit: &[LitTile], mut send: impl FnMut(&mut Chunk)) {
     let [width, height] = latent.size_px;
     let across = width.div_ceil(TILE_PX) as usize;
     // Maps each tile of the picture to its index among the lit tiles.
     let mut slots = vec![None; across * height.div_ceil(TILE_PX) as usize];
-    lit.iter().enumerate().for_each(|(slot, &tile)| slots[tile] = Some(slot));
-
-    let (mut curves, mut chunk) = (Curves::default(), Chunk::default());
-    for record in &tint.records {
-        let inside = record.inside(width, &(0..height));
-        curves.draw(record, latent.counts_per_lx_s());
-        let starts = chunk.push_curves(record, &curves);
-        let [columns, rows] = inside.clone().map(tiles);
-        for row in rows {
-            for column in columns.clone() {
-                if let Some(slot) = slots[row * across + column] {
-                    let part = part(record, curves.shift, starts, &inside, [column, row], slot);
+    let (mut curves, mut chunk, mut first) = (Curves::default(), Chunk::default(), 0);
+    for lit in lit.chunk_by(|a, b| a.tint == b.tint) {
+        slots.fill(None);
+        for (slot, tile) in (first..).zip(lit) {
+            slots[tile.row * across + tile.column] = Some(slot);
+        }
+        first += lit.len();
+        for record in &latent.tints[lit[0].tint].records {
+            let inside = record.inside(width, &(0..height));
+            let [columns, rows] = inside.clone().map(tiles);
+            let on_tiles = rows.flat_map(|row| columns.clone().map(move |column| [column, row]));
+            let slots = |[column, row]: [usize; 2]| slots[row * across + column];
+            // Records on other tiles than these belong to another call.
+            if on_tiles.clone().all(|tile| slots(tile).is_none()) {
+                continue;
+            }
+            curves.draw(record, latent.counts_per_lx_s());
+            let starts = chunk.push_curves(record, &curves);
+            for tile in on_tiles {
+                if let Some(slot) = slots(tile) {
+                    let part = part(record, curves.shift, starts, &inside, tile, slot);
                     chunk.parts.push((slot, part));
                 }
             }
-        }
-        // The device processes this chunk while the next one is drawn.
-        if chunk.curves.len() > CHUNK {
-            send(&mut chunk);
-            chunk.parts.clear();
-            chunk.curves.clear();
+            // The device processes this chunk while the next one is drawn.
+            if chunk.curves.len() > CHUNK {
+                send(&mut chunk);
+                chunk.parts.clear();
+                chunk.curves.clear();
+            }
         }
     }
     if !chunk.parts.is_empty() {

@@ -48,11 +48,12 @@ mod texture;
 mod tile;
 
 use std::num::NonZero;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
 use crate::light::LightTrace;
 use floor::Glow;
-use gpu::Gpu;
+use gpu::{Gpu, Prepared};
 use noctograph_core::camera::{Camera, check_size};
 use noctograph_core::error::{Error, Result, within};
 use noctograph_core::parallel;
@@ -253,11 +254,12 @@ impl Latent {
     }
 
     /// Adds up the light on a graphics device. Returns [`Error::Gpu`] if the device fails.
-    fn on_gpu(&self, gpu: Gpu) -> Result<Exposure> {
+    fn on_gpu(&self, gpu: &Gpu, prepared: Option<Prepared>) -> Result<Exposure> {
+        let prepared = prepared.unwrap_or_else(|| Prepared::new(self));
         Ok(Exposure {
-            film: self.film(gpu.splat(self)?),
+            film: self.film(gpu.splat(self, prepared)?),
             backend: Backend::Wgpu,
-            adapter: gpu.adapter,
+            adapter: gpu.adapter.clone(),
         })
     }
 
@@ -283,23 +285,32 @@ impl Latent {
 }
 
 /// A backend that starts in the background, because opening a graphics device and compiling its
-/// shader take longer than exposing a film.
-#[derive(Debug)]
+/// shader take longer than exposing a film. All clones have the same device, which is closed when
+/// the last of them is dropped.
+#[derive(Clone, Debug)]
 pub struct Developer {
     choice: BackendChoice,
-    /// The thread that opens the device. `None` for the processor, or if no thread started.
-    device: Option<JoinHandle<Result<Gpu>>>,
+    device: Arc<Mutex<Device>>,
+}
+
+/// The graphics device of a [`Developer`].
+#[derive(Debug, Default)]
+struct Device {
+    /// The thread that opens the device, until it is needed. `None` for the processor, or if no
+    /// thread started.
+    opening: Option<JoinHandle<Result<Gpu>>>,
+    gpu: Option<Gpu>,
 }
 
 impl Developer {
     /// Starts the backend in a separate thread. The processor needs no preparation.
     #[must_use]
     pub fn start(choice: BackendChoice) -> Self {
-        let device = match choice {
+        let opening = match choice {
             BackendChoice::Cpu => None,
             _ => std::thread::Builder::new().spawn(Gpu::ready).ok(),
         };
-        Self { choice, device }
+        Self { choice, device: Arc::new(Mutex::new(Device { opening, gpu: None })) }
     }
 
     /// Adds up the light of an image as soon as the backend is ready. With [`BackendChoice::Auto`]
@@ -308,16 +319,24 @@ impl Developer {
     /// # Errors
     ///
     /// Returns [`Error::Gpu`] if [`BackendChoice::Wgpu`] finds no device or the device fails.
-    pub fn develop(mut self, latent: &Latent) -> Result<Exposure> {
-        let gpu = match self.device.take() {
-            None if self.choice != BackendChoice::Wgpu => return Ok(latent.on_cpu()),
+    pub fn develop(self, latent: &Latent) -> Result<Exposure> {
+        let mut device = self.device.lock().unwrap_or_else(PoisonError::into_inner);
+        let opening = device.opening.as_ref().filter(|opening| !opening.is_finished());
+        let prepared = opening.map(|_| Prepared::new(latent));
+        let gpu = match (device.gpu.take(), device.opening.take()) {
+            (Some(gpu), _) => Ok(gpu),
+            (None, Some(opening)) => opening.join().unwrap_or_else(|_| Err(gpu::driver_panicked())),
             // The thread could not be started, so the device is opened here.
-            None => Gpu::ready(),
-            Some(device) => device.join().unwrap_or_else(|_| Err(gpu::driver_panicked())),
+            (None, None) if self.choice == BackendChoice::Wgpu => Gpu::ready(),
+            (None, None) => return Ok(latent.on_cpu()),
         };
-        match gpu.and_then(|gpu| latent.on_gpu(gpu)) {
+        match gpu.and_then(|gpu| Ok((latent.on_gpu(&gpu, prepared)?, gpu))) {
+            Ok((exposure, gpu)) => {
+                device.gpu = Some(gpu);
+                Ok(exposure)
+            }
             Err(_) if self.choice == BackendChoice::Auto => Ok(latent.on_cpu()),
-            exposure => exposure,
+            Err(error) => Err(error),
         }
     }
 }
@@ -331,11 +350,11 @@ pub fn try_device() -> Result<String> {
     Gpu::ready().map(|gpu| gpu.adapter)
 }
 
-impl Drop for Developer {
+impl Drop for Device {
     /// Waits for the device, because a driver that is still compiling may crash an exiting program.
     fn drop(&mut self) {
-        if let Some(device) = self.device.take() {
-            drop(device.join());
+        if let Some(opening) = self.opening.take() {
+            drop(opening.join());
         }
     }
 }

@@ -9,6 +9,17 @@ pub(super) struct Gpu {
     pub(super) adapter: String,
 }
 
+/// The work before a device is open, which is none.
+#[derive(Debug)]
+pub(super) struct Prepared;
+
+impl Prepared {
+    /// Prepares nothing.
+    pub(super) fn new(_: &Latent) -> Self {
+        Self
+    }
+}
+
 impl Gpu {
     /// Returns the error for a missing device.
     pub(super) fn ready() -> Result<Self> {
@@ -16,7 +27,7 @@ impl Gpu {
     }
 
     /// Returns the error for a missing device.
-    pub(super) fn splat(&self, _: &Latent) -> Result<Vec<u32>> {
+    pub(super) fn splat(&self, _: &Latent, _: Prepared) -> Result<Vec<u32>> {
         Err(driver_panicked())
     }
 }

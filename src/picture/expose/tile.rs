@@ -24,6 +24,8 @@ pub(super) struct Tiles {
     width: usize,
     /// True for each tile with light, row by row.
     lit: Vec<bool>,
+    /// True for each tile whose light was counted into the film before.
+    counted: Vec<bool>,
 }
 
 impl Tiles {
@@ -32,7 +34,8 @@ impl Tiles {
     pub(super) fn new(rows: Range<u32>, width: usize, stride: usize) -> Self {
         let tiles = width.div_ceil(TILE_PX[0]) * rows.len().div_ceil(TILE_PX[1]);
         let counts = vec![0; stride * rows.len()];
-        Self { rows, stride, counts, width, lit: vec![false; tiles] }
+        let [lit, counted] = [vec![false; tiles], vec![false; tiles]];
+        Self { rows, stride, counts, width, lit, counted }
     }
 
     /// Marks all tiles as lit that the given columns and rows touch.
@@ -44,7 +47,14 @@ impl Tiles {
             [rows.start, rows.end - 1].map(|px| (px - self.rows.start) as usize / TILE_PX[1]);
         for row in first_row..=last_row {
             let first = row * self.width.div_ceil(TILE_PX[0]);
-            self.lit[first + first_column..=first + last_column].fill(true);
+            for column in first_column..=last_column {
+                if !std::mem::replace(&mut self.lit[first + column], true) {
+                    let [x, y] = [column * TILE_PX[0], row * TILE_PX[1]];
+                    let size =
+                        [TILE_PX[0].min(self.width - x), TILE_PX[1].min(self.rows.len() - y)];
+                    touch(&mut self.counts, [self.stride, y * self.stride + x], size);
+                }
+            }
         }
     }
 
@@ -61,17 +71,34 @@ impl Tiles {
             let size = [TILE_PX[0].min(self.width - x), TILE_PX[1].min(self.rows.len() - y)];
             // The tile's place is given as stride and start, in the counts and in the planes.
             let light = &mut self.counts[y * self.stride..][..size[1] * self.stride];
-            count(
-                light,
-                [self.stride, x],
-                fractions,
-                planes,
-                [self.width, y * self.width + x],
-                size,
-            );
+            let to = [self.width, y * self.width + x];
+            if !std::mem::replace(&mut self.counted[tile], true) {
+                touch_lit(planes, fractions, to, size);
+            }
+            count(light, [self.stride, x], fractions, planes, to, size);
             light.chunks_exact_mut(self.stride).for_each(|row| row[x..x + size[0]].fill(0));
         }
     }
+}
+
+/// Writes zeros to the ends of dark rows `stride` apart. A page of memory that is read before it is
+/// written would be mapped twice.
+fn touch(counts: &mut [u32], [stride, first]: [usize; 2], [columns, rows]: [usize; 2]) {
+    for row in 0..rows {
+        let start = first + row * stride;
+        (counts[start], counts[start + columns - 1]) = (0, 0);
+    }
+}
+
+/// Prepares the dark rows of the planes to which light is added for the first time.
+pub(super) fn touch_lit(
+    planes: &mut [&mut [u32]],
+    fractions: [u32; 3],
+    from: [usize; 2],
+    size: [usize; 2],
+) {
+    let lit = planes.iter_mut().zip(fractions).filter(|(_, fraction)| *fraction > 0);
+    lit.for_each(|(plane, _)| touch(plane, from, size));
 }
 
 /// Adds columns and rows of light to planes, with a fraction for each plane. The light starts at

@@ -102,6 +102,8 @@ pub(super) fn cells(film: &Film, fraction: u32) -> [Plane; 3] {
         let rows = sums.zip(film.plane(channel).par_chunks(CELL_PX * width));
         rows.with_min_len(TASK_ROWS).for_each(|(sums, rows)| {
             noctograph_core::dispatch!(|| {
+                // A page that is read before it is written would be mapped twice.
+                sums.fill(0);
                 for row in rows.chunks_exact(width) {
                     let (cells, rest) = row.as_chunks::<CELL_PX>();
                     let light = |count: &u32| u64::from(scattered(*count, fraction));

@@ -54,6 +54,7 @@ mod options;
 pub mod png;
 mod sensor;
 mod starburst;
+mod strips;
 #[cfg(test)]
 mod tests;
 mod tone;

@@ -6,6 +6,7 @@ use std::path::Path;
 use image::DynamicImage;
 use image::metadata::Orientation;
 
+use super::strips::idat_chunks;
 use super::{Metadata, Photo, PhotoData, Readout, Tone};
 use noctograph_core::camera::{Camera, MAX_PIXELS, check_size};
 use noctograph_core::error::{Error, Result};
@@ -29,6 +30,10 @@ const MAX_METADATA_BYTES: usize = 16 << 20;
 
 /// Keyword of the text chunk that contains XMP (PNG, third edition).
 const XMP_KEYWORD: &str = "XML:com.adobe.xmp";
+
+/// Size of a chunk without its contents, and of the metadata of most photos, in bytes.
+const CHUNK_BYTES: usize = 12;
+const USUAL_METADATA_BYTES: usize = 1 << 14;
 
 const FITS: &str = "a checked picture fits into memory";
 
@@ -204,9 +209,12 @@ fn encode(
     let per_m = metadata.and_then(Metadata::pixels_per_m);
     info.pixel_dims =
         per_m.map(|n| png::PixelDimensions { xppu: n, yppu: n, unit: png::Unit::Meter });
-    let mut file = Vec::new();
+    // The picture is compressed first, so that the memory of the file is reserved at once.
+    let pixel_bytes = if depth == png::BitDepth::Sixteen { 6 } else { 3 };
+    let chunks = idat_chunks(bytes, width_px as usize * pixel_bytes, pixel_bytes);
+    let n_bytes = chunks.iter().map(|chunk| chunk.len() + CHUNK_BYTES).sum::<usize>();
+    let mut file = Vec::with_capacity(n_bytes + USUAL_METADATA_BYTES);
     let mut encoder = png::Encoder::with_info(&mut file, info)?;
-    encoder.set_compression(png::Compression::Fastest);
     encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
     // The texts come before the pixels, for the sake of readers that stop at the pixels.
     let xmp = metadata.map(|metadata| (XMP_KEYWORD, metadata.xmp()));
@@ -215,7 +223,9 @@ fn encode(
         encoder.add_itxt_chunk(keyword.to_owned(), text)?;
     }
     let mut writer = encoder.write_header()?;
-    writer.write_image_data(bytes)?;
+    for chunk in &chunks {
+        writer.write_chunk(png::chunk::IDAT, chunk)?;
+    }
     writer.finish()?;
     Ok(file)
 }

@@ -56,8 +56,10 @@ pub(super) fn check_flight(
         Some(trace) => trace,
         None => shoot.light_drone(drone, flight)?,
     };
-    let pieces = lit_pieces(flight, &trace, scene);
-    let ends = stroke_end_errors(scene, &shoot.plans[drone].plan, flight).unwrap_or_default();
+    let (pieces, ends) = rayon::join(
+        || lit_pieces(flight, &trace, scene),
+        || stroke_end_errors(scene, &shoot.plans[drone].plan, flight).unwrap_or_default(),
+    );
     let trail = picture.and_then(|picture| picture.trail(drone));
     Ok(vec![
         corridor(flight, scene, profile),

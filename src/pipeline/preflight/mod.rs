@@ -6,7 +6,7 @@
 //! that no key of the scene describes, such as doors, are not checked.
 
 use crate::scene::{Preset, Scene};
-use crate::shoot::{Shoot, Shot};
+use crate::shoot::{Recording, Shoot, Shot};
 use noctograph_core::diagnostic::{Diagnostic, Severity};
 use noctograph_core::digest::sha256;
 use noctograph_core::error::{Error, Result};
@@ -73,6 +73,24 @@ pub fn preflight(shoot: &Shoot, profile: &Profile) -> Result<Preflight> {
     preflight_flights(shoot, fly_plans(shoot)?, profile)
 }
 
+/// Checks a shoot like [`preflight`], with the flight that was simulated while it was planned
+/// ([`Shoot::flown`]).
+///
+/// # Errors
+///
+/// As [`preflight`].
+pub fn preflight_flown(mut shoot: Shoot, profile: &Profile) -> Result<(Shoot, Preflight)> {
+    let recordings = std::mem::take(&mut shoot.recordings).into_iter();
+    let flights = recordings.filter_map(|recording| match recording {
+        Recording::Flight(flight) => Some(Ok(flight)),
+        Recording::Light(_) => None,
+    });
+    let flights: Vec<Result<Flight>> = flights.collect();
+    let flights = if flights.is_empty() { fly_plans(&shoot)? } else { flights };
+    let preflight = preflight_flights(&shoot, flights, profile)?;
+    Ok((shoot, preflight))
+}
+
 /// Simulates the flights of all plans, for [`preflight_flights`].
 ///
 /// # Errors
@@ -101,14 +119,23 @@ pub fn preflight_flights(
     flown: Vec<Result<Flight>>,
     profile: &Profile,
 ) -> Result<Preflight> {
-    // First the design is checked: letters, plans, and their distance from people and objects.
+    // First the design is checked: letters, plans, their distance from people and objects, and the
+    // drones' memories. In parallel, the picture is computed.
     let paths = Paths::new(shoot, flown.iter().flatten());
-    let mut findings = check_design(shoot, profile, &paths);
-    findings.extend(check_downwash(shoot, &flown));
+    let (picture, (mut findings, memories)) = rayon::join(
+        || Picture::new(shoot, &flown),
+        || {
+            let mut findings = check_design(shoot, profile, &paths);
+            findings.extend(check_downwash(shoot, &flown));
+            let drones = 0..shoot.plans.len();
+            let memories =
+                drones.map(|drone| [check_memory(shoot, drone), check_led_memory(shoot, drone)]);
+            (findings, memories.collect::<Vec<_>>())
+        },
+    );
     // Then each drone is checked: its memories, its flight, and its view of the base stations.
-    let picture = Picture::new(shoot, &flown);
-    for (drone, flight) in flown.into_iter().enumerate().take(shoot.plans.len()) {
-        let mut checks = vec![check_memory(shoot, drone), check_led_memory(shoot, drone)];
+    for (drone, (flight, memories)) in flown.into_iter().zip(memories).enumerate() {
+        let mut checks = Vec::from(memories);
         match flight {
             Ok(flight) => {
                 checks.extend(check_flight(shoot, drone, &flight, picture.as_ref(), profile)?);

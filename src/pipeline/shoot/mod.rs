@@ -222,10 +222,32 @@ impl Shoot {
     ///
     /// Returns the errors of [`Scene::check`], [`fly`], [`step_responses`] and `check`.
     pub fn of_strokes(scene: Scene, strokes: Strokes, check: &DesignCheck<'_>) -> Result<Self> {
+        Self::planned(scene, strokes, check, false)
+    }
+
+    /// Plans strokes like [`Self::of_strokes`], and simulates the flight of a single drone beside
+    /// the rehearsal of its plan. The flight is in [`Self::recordings`], unless the light commands
+    /// could affect it.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::of_strokes`].
+    pub fn flown(scene: Scene, strokes: Strokes, check: &DesignCheck<'_>) -> Result<Self> {
+        Self::planned(scene, strokes, check, true)
+    }
+
+    fn planned(
+        scene: Scene,
+        strokes: Strokes,
+        check: &DesignCheck<'_>,
+        flies: bool,
+    ) -> Result<Self> {
         scene.check()?;
-        let plans = plan(&scene, &strokes, check)?;
-        let strokes = Some(strokes);
-        Ok(Self { scene, strokes, plans, is_planned: true, keeps_film: true, ..Self::default() })
+        let (plans, flights) = plan(&scene, &strokes, check, flies)?;
+        let recordings = flights.into_iter().map(Recording::Flight).collect();
+        let (strokes, is_planned) = (Some(strokes), true);
+        let shoot = Self { scene, strokes, plans, is_planned, recordings, ..Self::default() };
+        Ok(Self { keeps_film: true, ..shoot })
     }
 
     /// Prepares the flights of plans, one for each drone. Without a word, the photo is not read.

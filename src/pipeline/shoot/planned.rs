@@ -20,7 +20,7 @@ use noctograph_plan::{
     Between, LampTiming, LightClock, Plan, PlanOptions, ReferenceKind, StrokeEnd, fleet,
     stroke_ends, time_lights,
 };
-use noctograph_sim::{Drone, fly};
+use noctograph_sim::{Drone, fly, holds_positions, relit};
 
 /// Function that accepts or rejects designs before their flights are simulated.
 pub type DesignCheck<'a> = dyn Fn(&[Plan]) -> Result<()> + 'a;
@@ -35,12 +35,15 @@ pub struct Planned {
 }
 
 /// Plans the flights for a drawing, one per drone, by the scene's table `plan`. The designs must
-/// pass `check`. Returns the plans in the order of the drones, or the first drone's error.
+/// pass `check`. If `flies` is true, the flight of a single drone is simulated during the
+/// rehearsal, unless the light commands could affect it. Returns the plans in the order of the
+/// drones, or the first drone's error.
 pub(super) fn plan(
     scene: &Scene,
     strokes: &Strokes,
     check: &DesignCheck<'_>,
-) -> Result<Vec<Planned>> {
+    flies: bool,
+) -> Result<(Vec<Planned>, Vec<Flight>)> {
     let lamps = in_drawing_colors(&scene.light, scene, Some(strokes));
     // 1. The designs and, in parallel, the step responses of the closed loop are computed.
     let trajectory_clock = Some(scene.trajectory_clock());
@@ -53,6 +56,9 @@ pub(super) fn plan(
     let designs = designs?;
     check(&designs)?;
     let responses = responses?;
+    let sim = scene.sim();
+    let drone = Drone::new(&sim, scene.seed);
+    let flies = flies && designs.len() == 1 && holds_positions(&drone);
     let planned = designs.into_par_iter().map(|design| {
         // 2. The reference that is sent to the drone is derived.
         let plan = match &responses {
@@ -62,14 +68,24 @@ pub(super) fn plan(
         // 3. The light commands are timed by a flight of that reference.
         match scene.plan.light_clock {
             LightClock::Setpoint => {
-                Ok(Planned { plan: with_color_channels(plan, &lamps), ends: Vec::new() })
+                Ok((Planned { plan: with_color_channels(plan, &lamps), ends: Vec::new() }, None))
             }
-            LightClock::Light => aim(scene, &lamps, &plan, &rehearse(scene, &plan)?),
+            LightClock::Light => {
+                let (rehearsed, flight) = rayon::join(
+                    || rehearse(scene, &plan),
+                    || flies.then(|| fly(&plan, &drone, &mut |_| {}).ok()).flatten(),
+                );
+                let planned = aim(scene, &lamps, &plan, &rehearsed?)?;
+                let relit = flight.and_then(|flight| relit(flight, &plan, &planned.plan, &drone));
+                Ok((planned, relit))
+            }
         }
     });
     // All plans are collected first, so that the error reported is always that of the first drone.
-    let planned: Vec<Result<Planned>> = planned.collect();
-    planned.into_iter().collect()
+    let planned: Vec<Result<(Planned, Option<Flight>)>> = planned.collect();
+    let planned = planned.into_iter().collect::<Result<Vec<_>>>()?;
+    let (planned, flights): (_, Vec<_>) = planned.into_iter().unzip();
+    Ok((planned, flights.into_iter().flatten().collect()))
 }
 
 /// Returns the reference with which the drone follows a design: the design filtered by the inverse
@@ -188,7 +204,7 @@ fn lamp_timing(options: &LightOptions) -> LampTiming {
 mod tests {
     use super::*;
     use crate::scene::Preset;
-    use crate::shoot::Shoot;
+    use crate::shoot::{Recording, Shoot};
     use noctograph_core::crazyflie::Release;
     use noctograph_letters::{LetterOptions, write};
     use noctograph_plan::tracking::{Part, track};
@@ -197,7 +213,7 @@ mod tests {
     use noctograph_sim::{ControllerKind, EstimatorKind, Setpoints, SimOptions};
 
     fn plan(scene: &Scene, strokes: &Strokes) -> Result<Vec<Planned>> {
-        super::plan(scene, strokes, &|_| Ok(()))
+        super::plan(scene, strokes, &|_| Ok(()), false).map(|(planned, _)| planned)
     }
 
     fn noor() -> Strokes {
@@ -261,6 +277,24 @@ mod tests {
             }
             assert_eq!((strokes, turns), (strokes, 0), "{lamp}");
             assert!(strokes >= 4, "{lamp}: {strokes}");
+        }
+    }
+
+    /// Checks that the flight that is simulated during the rehearsal is that of the plan.
+    #[test]
+    fn a_flight_beside_the_rehearsal_has_the_bits_of_the_plans_flight() {
+        for preset in Preset::ALL {
+            let scene = Scene { word: "NO".into(), seed: 3, ..Scene::preset(*preset) };
+            let strokes = scene.strokes().unwrap();
+            let shoot = Shoot::flown(scene, strokes, &|_| Ok(())).unwrap();
+            let flown = shoot.fly(&|_, _| {}).unwrap();
+            let beside = shoot.recordings.iter().map(|recording| match recording {
+                Recording::Flight(flight) => flight,
+                Recording::Light(_) => unreachable!("all are flights"),
+            });
+            assert!(beside.clone().all(|flight| *flight == flown[0]), "{preset:?}");
+            let is_default = *preset == Preset::default();
+            assert!(beside.len() == 1 || !is_default, "{preset:?}");
         }
     }
 

@@ -5,7 +5,7 @@ use crate::light::LightTraceData;
 use wgpu::naga;
 
 use super::super::curves::LOW_BITS;
-use super::super::gpu::{Gpu, SHADER};
+use super::super::gpu::{Gpu, Prepared, SHADER};
 use super::super::gpu_tiles::{Part, TILE_PX};
 use super::super::record::DITHER;
 use super::*;
@@ -23,11 +23,16 @@ fn device() -> Option<Gpu> {
     }
 }
 
+/// Returns the counts of an image that a device adds up.
+fn splat(gpu: &Gpu, latent: &Latent) -> Result<Vec<u32>> {
+    gpu.splat(latent, Prepared::new(latent))
+}
+
 #[test]
 fn both_backends_leave_the_same_bits() {
     let Some(gpu) = device() else { return };
     for (name, latent) in scenes() {
-        let on_gpu = gpu.splat(&latent).expect("splat");
+        let on_gpu = splat(&gpu, &latent).expect("splat");
         let on_cpu = cpu::splat(2, &latent);
         let lit = on_cpu.iter().filter(|&&count| count > 0).count();
         assert!(latent.tints.is_empty() || lit > 100, "{name}: {lit} counts are lit");
@@ -42,11 +47,11 @@ fn sheets_of_few_tiles_leave_the_same_bits_as_one() {
     let tile_bytes = 4 * u64::from(TILE_PX) * u64::from(TILE_PX);
     gpu.max_tiles_bytes = 7 * tile_bytes;
     for (name, latent) in scenes() {
-        let on_gpu = gpu.splat(&latent).expect("splat");
+        let on_gpu = splat(&gpu, &latent).expect("splat");
         assert!(on_gpu == cpu::splat(2, &latent), "{name}: sheets differ");
     }
     gpu.max_tiles_bytes = tile_bytes - 1;
-    let refused = gpu.splat(&scenes()[5].1).expect_err("not even a tile fits");
+    let refused = splat(&gpu, &scenes()[5].1).expect_err("not even a tile fits");
     assert!(matches!(refused, Error::Gpu { .. }), "{refused}");
 }
 
@@ -63,7 +68,7 @@ fn more_records_than_one_dispatch_holds_are_all_exposed() {
         hover.tints[0].records = vec![record; 40_000];
         let on_cpu = cpu::splat(2, &hover);
         assert!(on_cpu.iter().any(|&count| count > 1 << 12), "there is light");
-        assert!(gpu.splat(&hover).expect("splat") == on_cpu, "counts of {record:?} differ");
+        assert!(splat(&gpu, &hover).expect("splat") == on_cpu, "counts of {record:?} differ");
     }
 }
 
@@ -96,7 +101,7 @@ fn every_mutation_of_the_shader_is_noticed() {
         gpu.load(&mutant);
         let noticed = scenes
             .iter()
-            .any(|(_, latent)| gpu.splat(latent).expect("splat") != cpu::splat(2, latent));
+            .any(|(_, latent)| splat(&gpu, latent).expect("splat") != cpu::splat(2, latent));
         assert!(noticed, "`{to}` for `{from}` went unnoticed");
     }
 }
@@ -106,10 +111,10 @@ fn a_shader_that_does_not_compile_is_an_error_of_the_device() {
     let Some(mut gpu) = device() else { return };
     let broken = SHADER.replace("let list =", "let list +");
     gpu.load(&broken);
-    let refused = gpu.splat(&scenes()[0].1).expect_err("broken shader");
+    let refused = splat(&gpu, &scenes()[0].1).expect_err("broken shader");
     assert!(matches!(refused, Error::Gpu { .. }), "{refused}");
     gpu.load(SHADER);
-    assert!(gpu.splat(&scenes()[0].1).is_ok(), "the device is still well");
+    assert!(splat(&gpu, &scenes()[0].1).is_ok(), "the device is still well");
 }
 
 #[test]
