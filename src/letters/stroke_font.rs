@@ -155,7 +155,8 @@ impl StrokeFont {
     }
 
     /// Parses a letter's shape from words: the advance (omitted in box fonts), followed by the
-    /// runs, each a `+` (lit) or `-` (dark) and its points. Returns `None` if the words are malformed.
+    /// runs, each a `+` (lit) or `-` (dark) and its points. Returns `None` if the words are
+    /// malformed.
     fn parse_runs(&self, mut words: Words<'_>) -> Option<Shape> {
         let units = self.units;
         let advance = match self.fit {
