@@ -90,8 +90,8 @@ pub fn hmac_sha256(key: &[u8], message: impl IntoIterator<Item = u8>) -> [u8; 32
     // As in RFC 2104, the key is XORed with a block of outer padding and a block of inner padding.
     const OPAD: u8 = 0x5c;
     const IPAD: u8 = 0x36;
-    /// Returns the SHA-256 of a message after a 64-byte block, which is the key XORed with a
-    /// padding.
+    /// Returns the SHA-256 of a message after a block of 64 bytes, which is the exclusive or of the
+    /// key and a padding.
     fn keyed_sha256(padding: u8, key: &[u8], message: &[u8]) -> [u8; 32] {
         let mut block = [padding; 64];
         block.iter_mut().zip(key).for_each(|(byte, key)| *byte ^= key);

@@ -74,6 +74,16 @@ pub mod one_thread {
                 self
             }
 
+            /// Maps each value, with scratch memory that is made once.
+            fn map_init<S, R>(
+                self,
+                scratch: impl Fn() -> S,
+                mut map: impl FnMut(&mut S, Self::Item) -> R,
+            ) -> impl Iterator<Item = R> {
+                let mut scratch = scratch();
+                self.map(move |value| map(&mut scratch, value))
+            }
+
             /// Calls a function for each value, with scratch memory that is made once.
             fn for_each_init<S>(
                 self,

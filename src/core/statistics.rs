@@ -71,8 +71,8 @@ mod tests {
     #[test]
     fn values_are_sorted_as_by_a_stable_sort() {
         // Numbers with repetitions, in an order without one, and an order that moves all by one.
-        let mixed = (0..200_usize).map(|n| (f64::from((n * n * 7919 % 101) as u32 % 23) - 9.0, n));
-        let moved = (0..200_usize).map(|n| (((n + 199) % 200) as f64, n));
+        let mixed = (0..200_u32).map(|n| (f64::from(n * n * 7919 % 101 % 23) - 9.0, n));
+        let moved = (0..200_u32).map(|n| (f64::from((n + 199) % 200), n));
         for values in [
             mixed.collect::<Vec<_>>(),
             moved.collect(),

@@ -2,7 +2,6 @@
 
 use super::alphabet::{BLANK, Classes, NO_LETTER};
 use super::lattice::Columns;
-use noctograph_core::statistics::sort_by_number;
 
 /// Width of the beam, in prefixes. A wider beam does not change the words that are found.
 const N_PREFIXES: usize = 12;

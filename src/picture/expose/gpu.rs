@@ -5,7 +5,7 @@
 
 use std::sync::{Arc, Mutex};
 
-use rayon::prelude::*;
+use noctograph_core::parallel::prelude::*;
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
 use super::Latent;

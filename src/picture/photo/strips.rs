@@ -11,7 +11,7 @@
 //! 3. The blocks are joined as zlib's `Z_SYNC_FLUSH` does: all but the last lose the mark of the
 //!    last block, and an empty stored block fills up their last byte. Checksums are combined.
 
-use rayon::prelude::*;
+use noctograph_core::parallel::prelude::*;
 
 /// Number of bytes of filtered rows in a strip, or a single row if that is longer.
 const STRIP_BYTES: usize = 1 << 18;

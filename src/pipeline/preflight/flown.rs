@@ -56,7 +56,7 @@ pub(super) fn check_flight(
         Some(trace) => trace,
         None => shoot.light_drone(drone, flight)?,
     };
-    let (pieces, ends) = rayon::join(
+    let (pieces, ends) = noctograph_core::parallel::join(
         || lit_pieces(flight, &trace, scene),
         || stroke_end_errors(scene, &shoot.plans[drone].plan, flight).unwrap_or_default(),
     );

@@ -122,7 +122,7 @@ pub fn preflight_flights(
     // First the design is checked: letters, plans, their distance from people and objects, and the
     // drones' memories. In parallel, the picture is computed.
     let paths = Paths::new(shoot, flown.iter().flatten());
-    let (picture, (mut findings, memories)) = rayon::join(
+    let (picture, (mut findings, memories)) = noctograph_core::parallel::join(
         || Picture::new(shoot, &flown),
         || {
             let mut findings = check_design(shoot, profile, &paths);
