@@ -93,9 +93,11 @@ mod tests {
     /// Returns a plan that sends its positions, and the same plan with timed lights.
     fn plans(options: &SimOptions) -> [Plan; 2] {
         let mut plan = written("NO", &PlanOptions::even());
-        plan.edit(|plan| plan.sent_m = plan.setpoints.iter().map(|s| s.position_m).collect());
+        plan.edit(|plan| {
+            plan.sent_m = plan.setpoints.iter().map(|s| s.position_m.map(on_grid)).collect()
+        });
         let flight = flown(&plan, options, 0).unwrap();
-        let lamp = LampTiming { delay_s: 0.025, tick_s: 0.05 };
+        let lamp = LampTiming { delay_s: 0.013, tick_s: 0.001 };
         let timed = time_lights(&plan, &flight, &lamp, Between::Held).unwrap().0;
         [plan, timed]
     }
