@@ -71,7 +71,7 @@ pub(super) fn plan(
                 Ok((Planned { plan: with_color_channels(plan, &lamps), ends: Vec::new() }, None))
             }
             LightClock::Light => {
-                let (rehearsed, flight) = join(
+                let (rehearsed, flight) = parallel::join(
                     || rehearse(scene, &plan),
                     || flies.then(|| fly(&plan, &drone, &mut |_| {}).ok()).flatten(),
                 );
