@@ -73,7 +73,7 @@ fn column_name(bare_title: &str) -> Option<&'static str> {
     Some(columns.find(|(_, titles)| titles.split(' ').any(|title| title == bare_title))?.0)
 }
 
-/// True if a text starts with the header of a light trace.
+/// True if a file's text starts with the header of a light trace.
 pub fn is_light_trace(text: &[u8]) -> bool {
     let head = Head::find(&Text::decode(&text[..text.len().min(HEADER_SIZE)]).bytes);
     let names: Vec<_> = head.titles.iter().filter_map(|title| Some(column(title)?.0)).collect();
@@ -232,8 +232,9 @@ fn lit_runs(instants: &[Instant]) -> impl Iterator<Item = &[Instant]> {
 const ROWS_PER_STRETCH: usize = 8;
 const MIN_STRETCHES: usize = 2;
 
-/// Returns the lamps of a lit run. There is one lamp for each stretch of a single color, which
-/// fades into the next, or one for each channel if the color changes continuously.
+/// Returns the lamps of a lit run. Each stretch of a single color has its own lamp, and each
+/// stretch fades into the next. If the color changes continuously, there is one lamp for each
+/// channel instead.
 fn lamps(run: &[Instant]) -> Vec<Lamp> {
     // Each stretch of a single color is compared with its brightest row so far.
     let mut stretches = Vec::new();

@@ -1,8 +1,8 @@
 //! The sensor converts the light on its pixels to a readout, as in EMVA 1288.
 //!
 //! 1. Light leaks between the color channels and then becomes electrons. Electron counts are
-//!    Poisson-distributed, with a mean of the light times the channel's response. Dark current and
-//!    hot photosites add more electrons.
+//!    Poisson-distributed, with a mean equal to the light times the channel's response. Dark
+//!    current and hot photosites add more electrons.
 //! 2. The well or the converter clips each channel, and reading adds noise.
 //! 3. The camera subtracts the mean dark current, clips all channels at the same light, and undoes
 //!    the leak by a matrix. This restores the color of unclipped light, and shifts that of clipped
