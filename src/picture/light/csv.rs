@@ -134,8 +134,9 @@ pub fn read(text: &[u8], file: &str) -> Result<Warned<LightTrace>> {
     Ok(Warned { product, warnings: Diagnostic::warnings("light-trace", warnings) })
 }
 
-/// Renames titles to those of [`COLUMNS`]. If several titles mean the same column, the first is
-/// used. Returns the units that the titles contain, in s or m, and the titles of all other columns.
+/// Renames titles to those of [`COLUMNS`], and all others to `other TITLE`. If several titles mean
+/// the same column, the first is used. Returns the units that the titles contain, in s or m, and
+/// the titles of all other columns as they were.
 fn rename_titles(titles: &mut [String]) -> (BTreeMap<&'static str, Option<f64>>, Vec<String>) {
     let (mut units, mut others) = (BTreeMap::new(), Vec::new());
     for title in titles {
@@ -145,6 +146,7 @@ fn rename_titles(titles: &mut [String]) -> (BTreeMap<&'static str, Option<f64>>,
                 *title = name.to_owned();
             }
             None => {
+                // With the prefix, a second title of the same column is not read as that column.
                 others.push(title.clone());
                 *title = format!("other {title}");
             }
