@@ -112,8 +112,8 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     Ok(Report::with_layout(product, EXPORTED).with_files(&paths))
 }
 
-/// Writes one file, or a folder with several, which is named after the word by default. Returns the
-/// paths.
+/// Writes one file, or a folder with several files. By default, the folder is named after the word.
+/// Returns the paths.
 fn written(files: &[File], output: Option<&Path>, word: &str) -> Result<Vec<PathBuf>> {
     if let [file] = files {
         let path = output.unwrap_or(file.name.as_ref());

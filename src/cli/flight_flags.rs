@@ -164,7 +164,7 @@ pub(super) fn infer_lights_if_dark(
     let preset = crate::shoot::infer_lights_if_dark(flight, scene).map_err(|error| {
         let hint = format!(
             "name the scene whose letters were flown: `noctograph import {} --word {} --scene \
-             SCENE.toml`; in style even, the strokes have another order, which only a log with \
+             SCENE.toml`; in the even style, the strokes have another order, which only a log with \
              light commands shows",
             shell_word(path),
             shell_word(scene.word.as_ref()),

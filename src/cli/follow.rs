@@ -27,8 +27,8 @@ const LOOK: Duration = Duration::from_millis(50);
 const PERIOD: Duration = Duration::from_millis(500);
 /// Shortest interval from one photo to the next, as a multiple of the time that a photo takes.
 const PERIODS_OF_WORK: u32 = 4;
-/// Time, in s, from the last setpoint of a letter until its light is complete, because the radio
-/// delays the commands of the lamps.
+/// Time in s from the last setpoint of a letter until its light is complete. The light is late
+/// because the radio delays the commands of the lamps.
 const AFTER_LETTER_S: f64 = 0.3;
 
 /// Waits until scripts have created their logs and written the heads, and returns the logs.

@@ -244,7 +244,7 @@ fn run_typed() -> u8 {
         && let Some(bytes) = main_stack().filter(|bytes| *bytes < STACK)
     {
         let kib = bytes >> 10;
-        message("error: ", &format!("no thread can be started, and the stack has only {kib} KiB"));
+        message("error: ", &format!("cannot start a thread, and the stack has only {kib} KiB"));
         message("hint: ", "allow more processes (ulimit -u) or a larger stack (ulimit -s 8192)");
         return 2;
     }
@@ -375,7 +375,7 @@ fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) 
     if threads > 0 {
         let pool = pool(threads).map_err(|error| {
             Error::infeasible(
-                format!("{threads} threads cannot be started: {error}"),
+                format!("cannot start {threads} threads: {error}"),
                 "ask for fewer threads",
             )
         })?;
@@ -394,7 +394,7 @@ fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) 
     let present = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread();
     present.build_global().map_err(|error| {
         let hint = "allow more processes (ulimit -u)";
-        Error::infeasible(format!("no thread can be started: {error}"), hint)
+        Error::infeasible(format!("cannot start a thread: {error}"), hint)
     })?;
     work()
 }
@@ -466,7 +466,7 @@ mod tests {
         assert_eq!(names.join(" "), noisy, "a plan has no noise");
     }
 
-    /// Returns the verb and the flags of each of the program's commands in a text.
+    /// Returns the verb and the flags of every command of the program in a document.
     fn commands(text: &str) -> Vec<(String, Vec<String>)> {
         let text = text.replace("\\\n", " ");
         let mut examples = Vec::new();

@@ -161,7 +161,7 @@ fn size(text: &str) -> std::result::Result<Size, String> {
 fn print_size(paper: &str, dots: &str) -> Option<Size> {
     let dots: f64 = dots.parse().ok().filter(|dots| DOTS_PER_INCH.contains(dots))?;
     let number = paper.strip_prefix(['A', 'a']).and_then(|n| n.parse().ok());
-    // Each paper is half of the one before it, so its shorter side is the longer one of the next.
+    // Each paper size is half the previous one, so its shorter side is the longer side of the next.
     let mm = match number.filter(|n: &usize| *n + 1 < PAPER_MM.len()) {
         Some(n) => [PAPER_MM[n], PAPER_MM[n + 1]],
         None => numbers(paper.strip_suffix("mm")?, &['x', 'X', '×'])?,

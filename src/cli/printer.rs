@@ -8,7 +8,7 @@
 //! - `{path*100:+.1}`: the value times a factor, with a sign and one digit (`.1e`: with an
 //!   exponent),
 //! - `{path~none}`: the value, or `none` if it is null,
-//! - `{path?yes:no}`: `yes` for true, a text, a number or a list with items, else `no`,
+//! - `{path?yes:no}`: `yes` for true, a string, a number or a list with items, else `no`,
 //! - `[words {path}]`: words that are omitted if a value in them is null.
 //!
 //! A null outside of brackets omits the whole line. A misspelled path is printed unchanged, so that

@@ -82,8 +82,8 @@ impl StudyFlags {
         Ok(words)
     }
 
-    /// Returns a word and its number of seeds from a text such as `NOOR:200`. Without a number, it
-    /// is that of `--seeds` or `usual`.
+    /// Returns a word and its number of seeds from an argument such as `NOOR:200`. Without a
+    /// number, it is that of `--seeds` or `usual`.
     fn word(&self, text: &str, usual: u32) -> Result<(String, u32)> {
         let Some((word, n)) = text.rsplit_once(':') else {
             return Ok((text.to_owned(), self.seeds.unwrap_or(usual)));

@@ -20,7 +20,7 @@ pub(super) fn print_out(text: &str) -> Result<()> {
     }
 }
 
-/// Escapes the control characters in a text.
+/// Escapes the control characters in a string.
 pub(super) fn printable(text: &str) -> String {
     escaped(text, |code| format!("\\u{{{code:x}}}"))
 }

@@ -357,7 +357,7 @@ impl From<&'static str> for Help {
 }
 
 impl From<String> for Help {
-    /// Converts a text without keys. Braces in the text have no special meaning.
+    /// Converts a string without keys. Braces in the string have no special meaning.
     fn from(words: String) -> Self {
         Self(if words.is_empty() { Vec::new() } else { vec![Part::Words(words)] })
     }

@@ -227,7 +227,7 @@ macro_rules! input_error {
     };
 }
 
-/// Truncates a text with an ellipsis if it is too long to print, such as the 309 digits of 1e308.
+/// Truncates a string with an ellipsis if it is too long to print, such as the 309 digits of 1e308.
 fn shortened(mut text: String) -> String {
     if let Some((end, _)) = text.char_indices().nth(LONGEST_FOUND) {
         text.truncate(end);

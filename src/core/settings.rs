@@ -37,8 +37,8 @@
 //!
 //! `for KEY = NAMES` and `unless KEY = NAMES` restrict the effect of a setting to some values of
 //! another key, which may be names, members of its list, or numbers. Without names, a restriction
-//! depends only on whether that key is set and not 0. Settings without effect keep their values, so
-//! that a preset's gains survive when another choice is tried and undone.
+//! depends only on whether that key is set to a nonzero value. Settings without effect keep their
+//! values, so that a preset's gains survive when another choice is tried and undone.
 //!
 //! A group may end with `fixed { ... }`, which declares constants that tests and conditions can
 //! vary but no scene can set.
@@ -91,7 +91,7 @@ pub struct Variant {
 /// Form of a setting's value in the scene file.
 #[derive(Clone, Copy, Debug)]
 pub enum Shape {
-    /// A number, a text or a list.
+    /// A number, a string or a list.
     Plain,
     /// One of several names.
     Names(&'static [Variant]),

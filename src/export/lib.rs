@@ -181,7 +181,7 @@ fn with_caution(job: &Job<'_>, script: String) -> String {
     format!("{first}\n# EXPORTED UNCHECKED, NOT SAFE TO FLY: {}\n{rest}", visible(reason))
 }
 
-/// Returns a text with control characters replaced by blanks, and invisible ones escaped.
+/// Returns a string with control characters replaced by blanks, and invisible ones escaped.
 fn visible(text: &str) -> String {
     let mut output = String::new();
     for c in text.chars() {

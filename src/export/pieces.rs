@@ -18,8 +18,8 @@ use noctograph_plan::{Plan, Setpoint};
 const CHECKS_PER_SETPOINT: f64 = 4.0;
 const CHECK_INTERVAL_S: f64 = 0.02;
 
-/// Time, s, in which a trajectory accelerates from rest to the speed of the first letter, or brakes
-/// from the speed of the last one. At 0.2 m/s the acceleration is 0.4 m/s².
+/// Time in s that a trajectory takes to accelerate from rest to the speed of the first letter, or
+/// to brake to rest from the speed of the last one. At 0.2 m/s the acceleration is 0.4 m/s².
 const RUN_S: f64 = 0.5;
 
 /// Maximum speed and acceleration of a piece at the times of comparison, relative to those of the

@@ -1,8 +1,8 @@
 //! Polynomials of degree 7: the Crazyflie's uncompressed trajectory, and the CSV of
 //! `uav_trajectories` and Crazyswarm2.
 //!
-//! Format on board (firmware `pptraj.h`, `struct poly4d`): 33 float32 per piece, which are 8
-//! coefficients each of x, y, z and yaw in ascending powers of the time in s, followed by the
+//! On-board format (firmware `pptraj.h`, `struct poly4d`): 33 float32 values per piece, namely 8
+//! coefficients each for x, y, z and yaw, in ascending powers of the time in s, followed by the
 //! duration in s. The CSV contains the same 33 numbers with the duration first (`uav_trajectory.py`
 //! of Crazyswarm2 skips one header line).
 //!

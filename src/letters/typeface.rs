@@ -151,7 +151,7 @@ impl Typeface {
     fn traced_shape(&self, parts: &[Part]) -> Option<Arc<Shape>> {
         let Traced { shapes, budget } = &mut *self.traced();
         let shape = shapes.entry(parts.to_vec()).or_insert_with(|| {
-            self.draw(parts, budget).filter(|_| budget.check().is_ok()).map(Arc::new)
+            self.trace_glyphs(parts, budget).filter(|_| budget.check().is_ok()).map(Arc::new)
         });
         shape.clone()
     }
@@ -226,11 +226,12 @@ impl Typeface {
         })
     }
 
-    /// Returns the shape of a single glyph, or of glyphs that touch. Returns `None` if they have no
-    /// strokes or are too large. The advance is that of the first glyph: it is used only for single
-    /// glyphs, because shaping places touching ones.
-    fn draw(&self, parts: &[Part], budget: &Budget) -> Option<Shape> {
-        let advance = self.advance(self.face.glyph_metrics().h_advance(parts[0].0));
+    /// Returns the shape of a single glyph, or of glyphs that touch. Panics without glyphs. Returns
+    /// `None` if they have no strokes or are too large. The advance is that of the first glyph: it
+    /// is used only for single glyphs, because shaping places touching ones.
+    fn trace_glyphs(&self, parts: &[Part], budget: &Budget) -> Option<Shape> {
+        let (first, _) = parts[0];
+        let advance = self.advance(self.face.glyph_metrics().h_advance(first));
         if !(0.0..=MAX_COORDINATE).contains(&advance) {
             return None;
         }

@@ -15,12 +15,12 @@ pub(super) const HOUR_S: f64 = 3600.0;
 const MINUTE_S: f64 = 60.0;
 /// Number of milliseconds in a second.
 pub(super) const MS_PER_S: f64 = 1e3;
-/// Maximum length of a text that is parsed as a date, in bytes.
+/// Maximum length of a cell that is parsed as a date, in bytes.
 const LONGEST_DATE: usize = 48;
 
 /// Reads the rows below a header. Also returns for each column whether it contains dates or times
-/// of day, whose values are in seconds. Returns [`Error::Input`] for a text if `is_needed` is true
-/// for its column's title. Other texts become a note.
+/// of day, whose values are in seconds. Returns [`Error::Input`] for a cell of text if `is_needed`
+/// is true for its column's title. Other cells of text become a note.
 pub(super) fn read_rows(
     text: &Text<'_>,
     head: Head,
@@ -133,8 +133,8 @@ pub(super) fn seconds_from_date(cell: &str) -> Option<f64> {
     Some(minutes_s + second + millis / MS_PER_S - east_s)
 }
 
-/// Removes `am` or `pm` from a text in lower case. Returns the rest, and true for `pm` or false for
-/// `am`.
+/// Removes `am` or `pm` from a string in lower case. Returns the rest, and true for `pm` or false
+/// for `am`.
 fn half_day(text: &str) -> (&str, Option<bool>) {
     let halves = [("am", false), ("a.m.", false), ("pm", true), ("p.m.", true)];
     let half = halves.iter().find_map(|(end, pm)| Some((text.strip_suffix(end)?, *pm)));

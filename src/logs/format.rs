@@ -93,7 +93,7 @@ const FORMATS: [(&[u8], &str, &str); 31] = [
     (
         b"ULog\x01\x12\x35",
         "a PX4 ULog",
-        "import the vehicle_local_position file of `ulog2csv FILE`",
+        "import the vehicle_local_position file that `ulog2csv FILE` writes",
     ),
     (b"\xa3\x95", "a DataFlash log of ArduPilot", BY_MAVLOGDUMP),
     (b"FMT, 128,", "an ArduPilot DataFlash log, as text", BY_MAVLOGDUMP),
@@ -125,8 +125,8 @@ const FORMATS: [(&[u8], &str, &str); 31] = [
     (b"%PDF", "a PDF file", "import the log itself"),
     (b"pitch:", "the state of a Tello, as names and values", BY_NAME),
     (b"mid:", "the state of a Tello, as names and values", BY_NAME),
-    (b"Duration,x^0", "a trajectory of polynomials (uav_trajectories)", BY_POLYNOMIAL),
-    (b"duration,x^0", "a trajectory of polynomials (uav_trajectories)", BY_POLYNOMIAL),
+    (b"Duration,x^0", "a polynomial trajectory (uav_trajectories)", BY_POLYNOMIAL),
+    (b"duration,x^0", "a polynomial trajectory (uav_trajectories)", BY_POLYNOMIAL),
     (b"Frame #", "a NatNet printout", BY_CAPTURE),
     (b"{\\rtf", "an RTF document", "save the log as plain text, with a header t,x,y,z"),
 ];

@@ -15,7 +15,8 @@ const NEIGHBOR: f64 = 0.4;
 const MEAN: f64 = 0.1;
 /// Maximum number of such samples in a row. Few values lose their carry.
 const LONGEST: usize = 4;
-/// Decimal steps per unit in a text. Values with a finer resolution are binary numbers.
+/// Decimal steps per unit of a value that is stored as text. Values with a finer resolution are
+/// binary numbers.
 const DECIMALS: [f64; 8] = [1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7];
 /// Minimum size of a value in decimal steps. Smaller values are counts rather than measurements.
 const STEPS: f64 = 64.0;

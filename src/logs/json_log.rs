@@ -188,7 +188,7 @@ pub(super) fn replace_nan(text: &mut [u8]) -> usize {
     let (mut i, mut in_string, mut depth, mut deepest) = (0, false, 0_usize, 0);
     while i < text.len() {
         match text[i] {
-            // Inside a text, nothing is replaced or counted.
+            // Inside a string, nothing is replaced or counted.
             b'\\' if in_string => i += 1,
             b'"' => in_string = !in_string,
             b'{' | b'[' if !in_string => depth += 1,
@@ -219,7 +219,7 @@ fn close(text: &mut Vec<u8>) {
             escaped = byte == b'\\' && !escaped;
             continue;
         }
-        // The last comma or bracket outside a text ends a complete member.
+        // The last comma or bracket outside a string ends a complete member.
         match byte {
             b'"' => in_string = true,
             b'{' => open.push(b'}'),
@@ -254,7 +254,7 @@ struct Rows {
     texts: BTreeMap<String, Vec<String>>,
 }
 
-/// A value in a table. A missing value is NaN, and only the beginning of a text is kept.
+/// A value in a table. A missing value is NaN, and only the beginning of a string is kept.
 enum Cell {
     Number(f64),
     Text(String),
@@ -589,15 +589,16 @@ impl<'a> Reader<'a> {
 
     /// Splits an object or a list into `T`. Each part is charged `bytes` of the budget.
     fn split<T: serde::Deserialize<'a>>(&self, value: &'a RawValue, bytes: usize) -> Result<T> {
-        // The budget is checked first, because a text full of commas would exhaust the memory.
+        // The budget is checked first, because a text that is full of commas would exhaust the
+        // memory.
         let text = value.get();
         self.budget.steps(2 * text.len())?;
         self.budget.bytes(bytes * n_parts(text))?;
         serde_json::from_str(text).ok().ok_or_else(|| self.broken(value))
     }
 
-    /// Parses a number, a truth value as 1 or 0, or a text. A time of day becomes its seconds. Only
-    /// the kind of a list or object is returned.
+    /// Parses a number, a truth value as 1 or 0, or a string. A time of day becomes its seconds.
+    /// Only the kind of a list or object is returned.
     fn cell(&self, value: &RawValue) -> Result<Cell> {
         self.budget.steps(VALUE_STEPS)?;
         let text = value.get();
@@ -621,11 +622,11 @@ impl<'a> Reader<'a> {
         })
     }
 
-    /// Returns the error for a number out of range, or for a text with an invalid escape.
+    /// Returns the error for a number out of range, or for a string with an invalid escape.
     fn broken(&self, value: &RawValue) -> Error {
         let start = value.get().as_ptr() as usize - self.text.as_ptr() as usize;
         let line = self.text[..start].matches('\n').count() + 1;
-        let wanted = "a number below 1.8e308, or a text with whole escapes";
+        let wanted = "a number below 1.8e308, or a string with valid escapes";
         Error::input("", value, wanted, HINT).in_file(&self.log.file, line as u64)
     }
 }
@@ -645,7 +646,7 @@ pub(super) fn add_variable(
     blocks.push(block);
 }
 
-/// Keeps a text if it is one of the first [`TEXTS`] different texts. Numbers are ignored.
+/// Keeps a string if it is one of the first [`TEXTS`] different strings. Numbers are ignored.
 fn note_text(texts: &mut Vec<String>, cell: &Cell) {
     let text = match cell {
         Cell::Text(text) => text,
@@ -665,7 +666,7 @@ fn n_parts(text: &str) -> usize {
             b'{' | b'[' => depth += 1,
             b'}' | b']' => depth -= 1,
             b',' if depth == 1 => n += 1,
-            // A text ends at a quotation mark that is not preceded by a backslash.
+            // A string ends at a quotation mark that is not preceded by a backslash.
             b'"' => {
                 while let Some(byte) = bytes.next().filter(|byte| *byte != b'"') {
                     if byte == b'\\' {

@@ -225,7 +225,7 @@ impl Cursor<'_> {
         Ok(u16::from_le_bytes(*number))
     }
 
-    /// Reads a text of at most 255 bytes up to its terminating zero byte. `wanted_item` describes
+    /// Reads a string of at most 255 bytes up to its terminating zero byte. `wanted_item` describes
     /// it in the error.
     fn text(&mut self, wanted_item: &str) -> Result<String> {
         let rest = &self.bytes[self.offset..];

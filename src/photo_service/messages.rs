@@ -148,8 +148,8 @@ impl Message {
         Self::new(key, values, without_paths(&error.to_string()), &without_paths(error.hint()))
     }
 
-    /// Returns a message about an error of a log, which is always in English, because it names
-    /// parts of the log.
+    /// Returns a message about an error of a log. The message is always in English, because it
+    /// names parts of the log.
     pub fn of_log_error(error: &Error) -> Self {
         let text = format!("{error}: {}", error.hint());
         let (text, hint) = (without_paths(&text), String::new());
@@ -245,7 +245,7 @@ fn key_named(name: &str) -> Option<Key> {
     Key::ALL.iter().copied().find(|key| key.name() == name)
 }
 
-/// Replaces the paths in a text by their file names, because a visitor must not see the server's
+/// Replaces the paths in a message by their file names, because a visitor must not see the server's
 /// folders. A path begins with a slash that does not follow a letter or a digit.
 fn without_paths(text: &str) -> String {
     let mut words = Vec::new();

@@ -236,7 +236,7 @@ fn unlisted<'a>(settings: &'a BTreeMap<String, String>, keys: &str) -> Option<&'
     })
 }
 
-/// True if a text is a valid name of a visitor.
+/// True if a string is a valid name of a visitor.
 pub fn is_name(visitor: &str) -> bool {
     (1..=MAX_VISITOR).contains(&visitor.len())
         && visitor.bytes().all(|byte| byte.is_ascii_alphanumeric())

@@ -26,7 +26,7 @@ impl Subject {
     }
 
     /// Returns the room's width, depth and height in m, or `None` if there is no room. Returns an
-    /// error for a text that is not a room.
+    /// error for a string that is not a room.
     fn room_m(&self) -> Result<Option<[f64; 3]>> {
         let Some(text) = &self.room else { return Ok(None) };
         let room_m = parse_room(text).map_err(|wanted| {

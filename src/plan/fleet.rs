@@ -29,7 +29,7 @@ const TOO_NEAR_M: f64 = MIN_HORIZONTAL_M - 1e-9;
 /// Time in s between two checks of the distance, and step in s by which a drone's start is delayed.
 const CHECK_STEP_S: f64 = 0.05;
 
-/// Maximum number of strokes for several drones, because each stroke is part of eight routes.
+/// Maximum number of strokes for several drones. Each stroke is part of eight routes.
 const MAX_SHARED: usize = 2500;
 /// Maximum number of comparisons of two positions in the search for starts (a few seconds).
 const MAX_COMPARED: u64 = 1_000_000_000;

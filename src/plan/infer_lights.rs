@@ -15,8 +15,8 @@ use noctograph_core::strokes::{Move, Strokes};
 /// strokes are centimeters apart.
 const ON_MOVE_M: f64 = 0.01;
 
-/// Minimum fraction of the word's strokes that setpoints must follow, because words have strokes in
-/// common.
+/// Minimum fraction of the word's strokes that setpoints must follow. Different words have
+/// strokes in common.
 const LEAST_FLOWN: f64 = 0.6;
 
 const HINT: &str = "name the word that was flown, and the size of its letters under [letters]. In \

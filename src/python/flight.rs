@@ -269,7 +269,7 @@ impl PyFlight {
         reduced(slf.as_any(), "from_csv", slf.get().to_csv())
     }
 
-    /// Draws the path from the front, over the design, for notebooks. None if there are no samples.
+    /// Draws the path as seen from the front, over the design, for notebooks. None without samples.
     fn _repr_svg_(&self) -> Option<String> {
         let samples = self.flight.samples.clone();
         (!samples.is_empty()).then(|| front_view(&[NamedFlight { name: "flown".into(), samples }]))

@@ -102,7 +102,7 @@ impl PyScene {
         design.k.map(|k| array(py, k.transpose().as_slice(), k.ncols())).transpose()
     }
 
-    /// Returns the value of a key, dotted as in ``set``: a number, a text, a list or a dict.
+    /// Returns the value of a key, dotted as in ``set``: a number, a string, a list or a dict.
     ///
     /// Parameters
     /// ----------

@@ -226,7 +226,7 @@ fn recordings_of(
     flights: &Bound<'_, PyAny>,
     scene: &Scene,
 ) -> PyResult<Warned<Vec<Recording>>> {
-    // A single path is recognized first, because a text is also iterable.
+    // A single path is recognized first, because a string is also iterable.
     let is_one = flights.cast::<PyFlight>().is_ok() || flights.extract::<PathBuf>().is_ok();
     let flights: Vec<Bound<'_, PyAny>> = match flights.try_iter() {
         Ok(each) if !is_one => each.collect::<PyResult<_>>()?,

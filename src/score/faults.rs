@@ -44,7 +44,7 @@ const LOST_IN_LOG: f64 = 0.5;
 /// Maximum distance from a line of extra light, or from a stroke, to the light that belongs to it.
 const BELONGS_PX: f64 = 0.12 * H_PX;
 
-/// Distance from a stroke within which light is not erased, because the stroke may emit it.
+/// Distance from a stroke within which light is not erased. The stroke itself may emit this light.
 const OWN_PX: f64 = 0.06 * H_PX;
 
 /// A fault, and the mending that removes it from a picture, if there is one.

@@ -33,11 +33,11 @@ const BESIDE_PX: f64 = 2.2;
 const NEIGHBORS: [(f64, f64, f32); 4] =
     [(1.1, -1.0, 0.7), (0.9, 1.0, 0.7), (1.05, 0.0, 0.45), (0.95, 0.0, 1.0)];
 
-/// Minimum level of a lit pixel, and minimum number of such pixels in a lit column, because hot
-/// pixels are isolated.
+/// Minimum level of a lit pixel, and minimum number of such pixels in a lit column.
+/// One pixel is not enough, because it may be a hot pixel.
 const LIT: (f32, usize) = (0.15, 2);
 
-/// Minimum level of a pixel that is used to measure the stroke width.
+/// Minimum level at which a pixel is used to measure the stroke width.
 const STROKE_LIT: f32 = 0.4;
 
 /// Quantile of the widths at lit pixels that is taken as stroke width. Corners and spots are wider.

@@ -27,17 +27,18 @@ const LEAST_LETTERS: usize = 3;
 /// A turned photo must be clearer than the original. Unless the original is unclear, it must also
 /// read as `word`. An empty `word` stands for any text.
 pub fn read_any_way_up(photo: &Photo, word: &str) -> (Reading, usize) {
-    let upright = read(photo);
-    if is_right(&upright, word) {
-        return (upright, 0);
+    let original = read(photo);
+    if is_right(&original, word) {
+        return (original, 0);
     }
     let turned = (1..4).map(|quarters| (read(&quarter_turned(photo, quarters)), quarters));
     let clearer = turned.filter(|(reading, quarters)| {
+        // Upside down, many letters look like other letters, so a half turn needs a lead.
         let lead = if *quarters == 2 { LEAD } else { 0.0 };
-        is_clearer(reading, &upright, word, lead)
+        is_clearer(reading, &original, word, lead)
     });
     let best = clearer.reduce(|a, b| if b.0.mean_p() > a.0.mean_p() { b } else { a });
-    best.unwrap_or((upright, 0))
+    best.unwrap_or((original, 0))
 }
 
 /// Reads the mirrored photo in the same way as [`read_any_way_up`]. Returns `None` if the original,

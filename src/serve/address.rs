@@ -43,8 +43,9 @@ pub(crate) fn is_secret(name: &str) -> bool {
 }
 
 impl Address {
-    /// Returns the address that the gallery stores, or a new one, and the listener on its port. If
-    /// `port` is 0, the port is the stored one or any free one.
+    /// Reads the address that the gallery stores, or creates one, and listens on its port. If
+    /// `port` is 0, the port is the stored one or any free one. Adds a secret that the stored
+    /// address lacks, and writes the address to the gallery if it changed.
     pub(crate) fn open(
         gallery: Option<&Path>,
         port: u16,
@@ -52,14 +53,19 @@ impl Address {
     ) -> Result<(Self, TcpListener)> {
         let path = gallery.map(|folder| folder.join(FILE)).filter(|path| path.is_file());
         let stored = path.as_deref().map(Self::read).transpose()?;
-        let listener = listen(ip, port, stored.as_ref().map_or(0, |stored| stored.port));
-        let (listener, port) = listener.map_err(|source| {
+        let listening = listen(ip, port, stored.as_ref().map_or(0, |stored| stored.port));
+        let (listener, open_port) = listening.map_err(|source| {
             let hint = "choose another port, or 0 for one that is free";
             Error::input("--port", format!("{port} ({source})"), "a port that is free", hint)
         })?;
         let mut address = match stored.clone() {
-            Some(stored) => Self { port, ..stored },
-            None => Self { visitors: secret()?, kiosk: String::new(), operator: secret()?, port },
+            Some(stored) => Self { port: open_port, ..stored },
+            None => Self {
+                visitors: secret()?,
+                kiosk: String::new(),
+                operator: secret()?,
+                port: open_port,
+            },
         };
         // Galleries of earlier versions contain no secret for kiosks.
         if address.kiosk.is_empty() {

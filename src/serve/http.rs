@@ -144,8 +144,8 @@ pub(crate) fn with_common_fields(reply: Reply) -> Reply {
     with_field(reply, "Referrer-Policy", "no-referrer")
 }
 
-/// Body of an answer, which consists of bytes, or of a file that is read while it is sent, so that
-/// a slow reader does not keep it in memory.
+/// Body of an answer: bytes, or a file that is read while it is sent, so that a slow reader does
+/// not keep the file in memory.
 #[derive(Debug)]
 pub(crate) struct ReplyBody {
     bytes: Bytes,

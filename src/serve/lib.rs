@@ -175,5 +175,5 @@ fn run(listener: TcpListener, server: Server, flights: Option<Flights>) -> Resul
 /// Returns the error for a thread that cannot be started.
 fn no_thread(error: impl std::fmt::Display) -> Error {
     let hint = "allow more processes (ulimit -u)";
-    Error::infeasible(format!("no thread can be started: {error}"), hint)
+    Error::infeasible(format!("cannot start a thread: {error}"), hint)
 }

@@ -72,7 +72,8 @@ pub(crate) struct Job {
 pub(crate) struct Followed {
     /// Absolute path of the log.
     pub(crate) path: PathBuf,
-    /// Number of the flight, because several logs may have the same path.
+    /// Number of the flight. The path does not identify the flight, because several logs may have
+    /// the same path.
     pub(crate) number: u64,
     /// True if the flight counts as over even without an end mark.
     pub(crate) is_over: bool,

@@ -18,7 +18,8 @@ use noctograph_core::flight::warning::{self, BATTERY};
 use noctograph_core::geometry::turned;
 use noctograph_core::plan::Plan;
 
-/// Tolerance in s for the time of a setpoint, because plans are rounded to a microsecond.
+/// Tolerance in s for the time of a setpoint, needed because times in plans are rounded to the
+/// nearest microsecond.
 pub(super) const TIME_TOLERANCE_S: f64 = 0.5e-6;
 /// Magnitude of any state (m, rad, m/s, rad/s) beyond which the drone counts as lost. In a normal
 /// flight, the states stay within a few meters and a few rad/s.

@@ -183,10 +183,10 @@ fn a_small_stack_and_no_threads_are_enough_but_not_both() {
     }
     let (code, error) = limited("-u 1; ulimit -s 1024", small);
     assert_eq!(code, Some(2), "{error}");
-    assert!(error.contains("no thread can be started, and the stack has only 1024 KiB"), "{error}");
+    assert!(error.contains("cannot start a thread, and the stack has only 1024 KiB"), "{error}");
     let (code, error) = limited("-v 400000", &format!("{small} --threads 64"));
     assert_eq!(code, Some(2), "{error}");
-    assert!(error.contains("threads cannot be started"), "{error}");
+    assert!(error.contains("cannot start 64 threads"), "{error}");
 }
 
 #[test]

@@ -205,7 +205,7 @@ fn a_folder_that_may_not_be_written_is_left_as_it_is() {
     };
     mode(folder.path(), 0o755);
     mode(&closed, 0o555);
-    // The superuser may write everywhere, so the program runs as the user `nobody`, from a folder
+    // The superuser can write anywhere, so the program runs as the user `nobody`, from a folder
     // that this user can access.
     let superuser = std::fs::write(closed.join("probe"), "").is_ok();
     let program = folder.path().join("program");

@@ -25,7 +25,7 @@ fn copy(folder: &Path, from: &str, to: &str) {
     std::fs::copy(folder.join(from), folder.join(to)).unwrap();
 }
 
-/// Replaces a text in a file that contains it.
+/// Replaces the first occurrence of a string in a file, which must contain the string.
 fn edit(path: &Path, from: &str, to: &str) {
     let before = text(path);
     assert!(before.contains(from), "{from} in {}", path.display());

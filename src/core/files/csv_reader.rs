@@ -8,7 +8,7 @@ use super::{Budget, Text, push};
 use crate::error::{Error, Result};
 use crate::input_error;
 
-/// Number of lines at the beginning of a text that are searched for the first row.
+/// Number of lines at the beginning of a file that are searched for the first row.
 const HEAD_LINES: usize = 200;
 /// Maximum number of columns of a table.
 const MAX_COLUMNS: usize = 1024;
@@ -218,7 +218,7 @@ impl Head {
         let titles = separator.titles(line);
         let n_numbers = titles.iter().filter(|title| title.parse::<f64>().is_ok()).count();
         if 2 * n_numbers > titles.len() {
-            // The line is a row that begins with a text. The table therefore has no titles.
+            // The line is a row that begins with text. The table therefore has no titles.
             return Self { n_columns: titles.len(), ..Self::named(Vec::new(), separator, first) };
         }
         Self::named(titles, separator, first + 1)
@@ -379,8 +379,8 @@ impl Sheet {
         self.lines.len()
     }
 
-    /// Returns the first text in a column that needs numbers, with its column and the number of its
-    /// line.
+    /// Returns the first cell of text in a column that needs numbers, its column and its line
+    /// number.
     pub fn first_text(
         &self,
         is_needed: impl Fn(&SheetColumn) -> bool,
@@ -598,9 +598,9 @@ fn plain_row(mut line: &[u8], separator: Separator, row: &mut [f64]) -> Option<(
 const TENS: [f64; 16] =
     [1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15];
 
-/// Parses a number of up to [`EXACT_DIGITS`] digits without an exponent at the beginning of a text,
-/// and returns it with its length in bytes. Returns `None` for any other text. The numerator and
-/// the denominator are exact, so only their quotient is rounded (Clinger 1990).
+/// Parses a number of up to [`EXACT_DIGITS`] digits without an exponent at the beginning of a
+/// string, and returns it with its length in bytes. Returns `None` for any other text. The
+/// numerator and the denominator are exact, so only their quotient is rounded (Clinger 1990).
 fn short_number(text: &[u8]) -> Option<(f64, usize)> {
     let is_negative = text.first() == Some(&b'-');
     // The digits are read as an integer, together with the position of the point.

@@ -19,7 +19,7 @@ pub fn ending(path: impl AsRef<Path>) -> String {
     path.as_ref().extension().unwrap_or_default().to_string_lossy().to_lowercase()
 }
 
-/// True if a text has the extension of a file that the program reads or writes.
+/// True if a string has the extension of a file that the program reads or writes.
 pub fn is_file_name(text: &str) -> bool {
     ENDINGS.contains(&&*ending(text))
 }

@@ -28,7 +28,7 @@ const MAX_TIME_S: f64 = 4e9;
 /// Maximum size of a file, enough for an hour of 36 columns at 100 Hz in numbers of nine digits.
 const LIMIT: Limit = Limit { bytes: 128 << 20, what: "a table", hint: SMALLER_HINT };
 
-/// Number of units of 1e-6 above which numbers are not rounded, because an `f64` is coarser there.
+/// Number of units of 1e-6 above which numbers are not rounded. An `f64` is coarser there.
 const MAX_SCALED: f64 = 4.5e15;
 /// Number of steps of the grid of numbers in files per unit.
 const PER_UNIT: f64 = 1e6;

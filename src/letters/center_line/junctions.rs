@@ -7,8 +7,9 @@ use super::axis::{Axis, Path};
 use super::branches::{Arm, Branch, Connection, Knot, chain};
 use noctograph_core::geometry::distance;
 
-/// Maximum distance between two junctions that count as one, relative to the larger radius, because
-/// a crossing has two in the axis. The second value is for two bends, as at a flat tip (v, M).
+/// Maximum distance between two junctions that count as one, relative to the larger radius. The
+/// medial axis of a crossing has two junctions. The second value is for two bends, as at a flat tip
+/// (v, M).
 const ONE_JUNCTION: f64 = 1.0;
 const ONE_BEND: f64 = 2.5;
 

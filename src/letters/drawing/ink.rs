@@ -138,7 +138,7 @@ impl Field {
         (strong > 0.0).then_some(field)
     }
 
-    /// Returns the number of pixels along edges between two inks, with ink on all sides.
+    /// Returns the number of pixels that lie on edges between two inks and have ink on all sides.
     pub(super) fn inner_edges(&self) -> usize {
         let within = extremes(&self.ink, self.width, NEAR, f64::min);
         let inner = (2 * self.width..within.len() - 2 * self.width).filter(|p| within[*p] > EDGE);
@@ -163,8 +163,8 @@ impl Field {
 /// The ink of a pixel: its contrast and its color.
 type Inked = (f64, [f64; CHANNELS]);
 
-/// Returns the contrasts and colors of inks inside a margin of one pixel of paper, which gives
-/// every patch a closed contour. Width and height include the margin.
+/// Returns the contrasts and colors of inks inside a margin of one pixel of paper. The margin
+/// gives every patch a closed contour. Width and height include the margin.
 fn with_margin(inks: &[Inked], width: usize, height: usize) -> (Vec<f64>, Vec<[f64; CHANNELS]>) {
     let mut contrast = vec![0.0; width * height];
     let mut color = vec![[1.0; CHANNELS]; width * height];

@@ -22,8 +22,8 @@ const QUANTILE: f64 = 0.25;
 /// Minimum contrast across a mark, relative to its maximum. Compression and sharpening leave some
 /// contrast beside a mark.
 const HALF: f64 = 0.5;
-/// Distance in pixels from a picture's edge within which rulings are detected, because another
-/// ruling may lie along the edge itself.
+/// Distance in pixels from a picture's edge within which the ends of rulings are detected. At
+/// the edge itself, another ruling may hide these ends.
 const FRAME: usize = 8;
 /// Maximum width of a ruling, relative to the side that it crosses.
 const WIDTH: f64 = 0.012;
@@ -46,11 +46,14 @@ impl Field {
             [false, true].into_iter().flat_map(|is_upright| self.rulings(is_upright)).collect();
         let darkest = rulings.iter().map(|ruling| ruling.contrast).fold(0.0, f64::max);
         let n_dark = self.contrast.iter().filter(|contrast| PALE * **contrast > darkest).count();
+        // A few straight lines from edge to edge may belong to the drawing, unless faint ink shows
+        // further rulings. Without enough darker ink, the lines are the drawing itself.
         if rulings.len() < LEAST[usize::from(self.faint > FAINT)]
             || (n_dark as f64) < DRAWING * self.contrast.len() as f64
         {
             return 0;
         }
+        // The width of a ruling is that of its dark part, so pixels beside that part may have ink.
         for ruling in &rulings {
             let places = 1..=self.length(ruling.is_upright);
             let pixels = places.flat_map(|along| self.near(ruling, along, ruling.width / 2 + 2));
@@ -88,8 +91,8 @@ impl Field {
         (ruling.ends[0] + part * (ruling.ends[1] - ruling.ends[0])).round().max(0.0) as usize
     }
 
-    /// Returns the lines of one direction that have ink from edge to edge, which are columns if
-    /// `is_upright` is true, and rows otherwise.
+    /// Returns the lines that have ink from edge to edge: columns if `is_upright` is true, and rows
+    /// otherwise.
     fn rulings(&self, is_upright: bool) -> Vec<Ruling> {
         let length = self.length(is_upright);
         // Finds narrow marks near both edges, then pairs those with ink all the way between them.

@@ -23,15 +23,17 @@ pub(super) fn impulses(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 4]> {
     let Some(mut speed) = wanted.first().copied() else { return Vec::new() };
     Vec::from_iter(run.windows(2).zip(wanted.windows(2)).map(|(pair, roots)| {
         let dt_s = pair[1].time_s - pair[0].time_s;
+        // During the interval, the wanted speed is taken as constant. It is that of the middle,
+        // less the mean delay of held commands.
         let middle = (0.5 - HELD_S / dt_s).max(0.0);
         let stays = if lag_s > 0.0 { libm::exp(-dt_s / lag_s) } else { 0.0 };
         [0, 1, 2, 3].map(|motor| {
-            let wanted = roots[0][motor] + (roots[1][motor] - roots[0][motor]) * middle;
-            let behind = speed[motor] - wanted;
-            speed[motor] = wanted + behind * stays;
-            // The sum is ∫ (wanted + behind e^(−t/lag))² dt over the interval.
-            wanted * wanted * dt_s
-                + 2.0 * wanted * behind * lag_s * (1.0 - stays)
+            let target = roots[0][motor] + (roots[1][motor] - roots[0][motor]) * middle;
+            let behind = speed[motor] - target;
+            speed[motor] = target + behind * stays;
+            // The sum is ∫ (target + behind e^(−t/lag))² dt over the interval.
+            target * target * dt_s
+                + 2.0 * target * behind * lag_s * (1.0 - stays)
                 + 0.5 * behind * behind * lag_s * (1.0 - stays * stays)
         })
     }))

@@ -101,7 +101,7 @@ impl FilmData {
     }
 }
 
-/// Returns the smallest `scale_log2` at which no pixel can overflow, with a glow of up to
+/// Returns the smallest `scale_log2` at which no pixel can overflow, given a glow of up to
 /// `glow_lx_s`.
 pub(super) fn finest_scale_log2(tints: &[Tint], glow_lx_s: f64, size_px: [u32; 2]) -> i32 {
     let [width, height] = size_px;

@@ -51,9 +51,9 @@ const RULES: [&[(f64, f64)]; SPOTS] = [
     ],
 ];
 
-/// Steps along x and y of the dither, which is the threshold above which counts are rounded up.
-/// With thousands of overlapping segments, rounding to nearest would lose the faint edge of every
-/// spot (2e-6 of the light of a hover at 250 Hz).
+/// Steps along x and y of the dither. The dither is the threshold above which counts are rounded
+/// up. With thousands of overlapping segments, rounding to nearest would lose the faint edge of
+/// every spot (2e-6 of the light of a hover at 250 Hz).
 ///
 /// The steps are 2^32 divided by the plastic number and by its square, which distributes thresholds
 /// evenly over the plane (Roberts 2018, the R2 sequence).

@@ -73,7 +73,7 @@ fn column_name(bare_title: &str) -> Option<&'static str> {
     Some(columns.find(|(_, titles)| titles.split(' ').any(|title| title == bare_title))?.0)
 }
 
-/// True if a text starts with the header of a light trace.
+/// True if a file's text starts with the header of a light trace.
 pub fn is_light_trace(text: &[u8]) -> bool {
     let head = Head::find(&Text::decode(&text[..text.len().min(HEADER_SIZE)]).bytes);
     let names: Vec<_> = head.titles.iter().filter_map(|title| Some(column(title)?.0)).collect();
@@ -134,8 +134,9 @@ pub fn read(text: &[u8], file: &str) -> Result<Warned<LightTrace>> {
     Ok(Warned { product, warnings: Diagnostic::warnings("light-trace", warnings) })
 }
 
-/// Renames titles to those of [`COLUMNS`]. If several titles mean the same column, the first is
-/// used. Returns the units that the titles contain, in s or m, and the titles of all other columns.
+/// Renames titles to those of [`COLUMNS`], and all others to `other TITLE`. If several titles mean
+/// the same column, the first is used. Returns the units that the titles contain, in s or m, and
+/// the titles of all other columns as they were.
 fn rename_titles(titles: &mut [String]) -> (BTreeMap<&'static str, Option<f64>>, Vec<String>) {
     let (mut units, mut others) = (BTreeMap::new(), Vec::new());
     for title in titles {
@@ -145,6 +146,7 @@ fn rename_titles(titles: &mut [String]) -> (BTreeMap<&'static str, Option<f64>>,
                 *title = name.to_owned();
             }
             None => {
+                // With the prefix, a second title of the same column is not read as that column.
                 others.push(title.clone());
                 *title = format!("other {title}");
             }
@@ -232,8 +234,9 @@ fn lit_runs(instants: &[Instant]) -> impl Iterator<Item = &[Instant]> {
 const ROWS_PER_STRETCH: usize = 8;
 const MIN_STRETCHES: usize = 2;
 
-/// Returns the lamps of a lit run. There is one lamp for each stretch of a single color, which
-/// fades into the next, or one for each channel if the color changes continuously.
+/// Returns the lamps of a lit run. Each stretch of a single color has its own lamp, and each
+/// stretch fades into the next. If the color changes continuously, there is one lamp for each
+/// channel instead.
 fn lamps(run: &[Instant]) -> Vec<Lamp> {
     // Each stretch of a single color is compared with its brightest row so far.
     let mut stretches = Vec::new();

@@ -411,7 +411,7 @@ impl Photograph {
         value.is_finite().then_some(value)
     }
 
-    /// Returns the first line of a tag's text, or `None` if the tag is missing or not a text.
+    /// Returns the first line of a tag's text, or `None` if the tag is missing or not text.
     fn text(&self, tag: Tag) -> Option<String> {
         match self.value(tag)? {
             Value::Ascii(lines) => Some(String::from_utf8_lossy(lines.first()?).into_owned()),

@@ -52,7 +52,8 @@ impl<const PARTS: usize> Kernel<PARTS> {
         mirrored.clamp(0, n - 1).cast_unsigned()
     }
 
-    /// Returns for each of `n` positions the cells, with the index of the part, that it receives.
+    /// Returns for each of `n` positions the indices of the cells and of their parts that it
+    /// receives.
     pub(super) fn sources(&self, cells: usize, n: usize) -> Vec<Vec<(usize, usize)>> {
         let mut sources = vec![Vec::new(); n];
         for cell in 0..cells {

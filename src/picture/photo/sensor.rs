@@ -1,8 +1,8 @@
 //! The sensor converts the light on its pixels to a readout, as in EMVA 1288.
 //!
 //! 1. Light leaks between the color channels and then becomes electrons. Electron counts are
-//!    Poisson-distributed, with a mean of the light times the channel's response. Dark current and
-//!    hot photosites add more electrons.
+//!    Poisson-distributed, with a mean equal to the light times the channel's response. Dark
+//!    current and hot photosites add more electrons.
 //! 2. The well or the converter clips each channel, and reading adds noise.
 //! 3. The camera subtracts the mean dark current, clips all channels at the same light, and undoes
 //!    the leak by a matrix. This restores the color of unclipped light, and shifts that of clipped
@@ -32,7 +32,7 @@ pub(super) struct Sensor {
     noise: Option<Noisy>,
 }
 
-/// The noise of a sensor, in electrons.
+/// The noise of a sensor. Numbers of electrons are those of one channel of a pixel.
 #[derive(Debug)]
 struct Noisy {
     seed: u64,
@@ -44,9 +44,11 @@ struct Noisy {
     clip: f32,
     /// Mean number of electrons from dark current.
     dark: f32,
+    /// Variance of the read noise, in electrons squared.
     read_variance: f32,
+    /// Variance of the gain from pixel to pixel, relative to the squared gain.
     prnu_squared: f32,
-    /// Mean number of hot pixels per row, and mean number of electrons in each.
+    /// Mean number of hot pixels per row, and mean number of electrons from a hot pixel.
     hot_in_row: f64,
     hot: f64,
 }
@@ -135,13 +137,15 @@ fn multiply(matrix: &[[f32; 3]; 3], rows: &mut [Vec<f32>; 3]) {
 }
 
 impl Noisy {
-    /// Computes the constants of a sensor, in electrons.
+    /// Computes the constants of a sensor.
     fn new(camera: &Camera, noise: &SensorNoise, seed: u64) -> Self {
         let gain = (camera.iso / camera.base_iso).max(1.0);
         let exposure_s = camera.shutter_close_s - camera.shutter_open_s;
         let largest = noise.response.into_iter().fold(0.0, f64::max);
         // If there is gain, the converter clips before the well is full.
         let clip = noise.full_well_e / gain;
+        // In a long exposure, dark current could fill the well. It is limited so that half of the
+        // range is left to light, because readouts are divided by that part.
         let dark = (noise.dark_current_e_s * exposure_s).min(0.5 * clip);
         Self {
             seed,
@@ -204,29 +208,39 @@ impl Noisy {
         let (bits, rest_bits) = bits.as_chunks();
         let (read_bits, rest_read_bits) = read_bits.as_chunks();
         for (means, (bits, read_bits)) in groups.iter_mut().zip(bits.iter().zip(read_bits)) {
-            self.dark::<LANES>(means, *bits, *read_bits);
+            self.draw_group::<LANES>(means, *bits, *read_bits);
         }
         let rest = rest.as_chunks_mut::<1>().0.iter_mut();
         for (mean, (bits, read_bits)) in rest.zip(rest_bits.iter().zip(rest_read_bits)) {
-            self.dark(mean, [*bits], [*read_bits]);
+            self.draw_group(mean, [*bits], [*read_bits]);
         }
     }
 
-    /// Replaces mean electrons with random numbers: Poisson-distributed photons plus normally
-    /// distributed noise of all other sources. Pixels of at least [`POISSON_BELOW`] are computed as
-    /// bright pixels.
+    /// Replaces the mean electrons of a group of pixels with random numbers: Poisson-distributed
+    /// photons plus normally distributed noise of all other sources. Pixels with a mean of at least
+    /// [`POISSON_BELOW`] are computed as bright pixels.
+    ///
+    /// The function is inlined, like all that [`Sensor::read`] calls for each pixel, so that it is
+    /// compiled for this processor's registers.
     #[inline(always)]
-    fn dark<const N: usize>(&self, means: &mut [f32; N], bits: [u32; N], read_bits: [u32; N]) {
-        let photons = self.poisson.numbers(*means, bits);
+    fn draw_group<const N: usize>(
+        &self,
+        electrons: &mut [f32; N],
+        bits: [u32; N],
+        read_bits: [u32; N],
+    ) {
+        let photons = self.poisson.numbers(*electrons, bits);
         let normals = self.normal.numbers(read_bits);
-        let before = *means;
-        for (n, mean) in means.iter_mut().enumerate() {
-            let variance = self.read_variance + self.prnu_squared * *mean * *mean;
-            *mean = photons[n] + variance.sqrt() * normals[n];
+        let means = *electrons;
+        for (n, number) in electrons.iter_mut().enumerate() {
+            let variance = self.read_variance + self.prnu_squared * *number * *number;
+            *number = photons[n] + variance.sqrt() * normals[n];
         }
-        if before.iter().any(|mean| *mean >= POISSON_BELOW) {
-            for n in (0..N).filter(|n| before[*n] >= POISSON_BELOW) {
-                means[n] = self.bright(before[n], bits[n]);
+        // All pixels are computed as dark ones above, and the bright ones of a group that has any
+        // are computed again.
+        if means.iter().any(|mean| *mean >= POISSON_BELOW) {
+            for n in (0..N).filter(|n| means[*n] >= POISSON_BELOW) {
+                electrons[n] = self.bright(means[n], bits[n]);
             }
         }
     }

@@ -14,7 +14,7 @@ const SAME_LINE_M: f64 = 0.002;
 const SHORT_M: f64 = 0.02;
 
 /// Checks the letters for strokes that are drawn twice or lost. Light at the beginning and end of a
-/// letter only matters in style `team`, whose plan follows the dark moves.
+/// letter only matters in the `team` style, whose plan follows the dark moves.
 pub(super) fn check_letters(strokes: &Strokes, style: &Style) -> Vec<Diagnostic> {
     // The glyphs are sorted, so that equal letters are adjacent and each is reported only once.
     let mut glyphs: Vec<&Glyph> = strokes.glyphs.iter().collect();

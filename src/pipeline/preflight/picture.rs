@@ -18,8 +18,8 @@ pub const PICTURE: &str = "picture";
 /// Minimum fraction of light facing away from the camera at which the word is invisible.
 const MOST_AWAY_FRAC: f64 = 0.95;
 
-/// Maximum time without a view of two base stations that does not affect the picture, because the
-/// gyroscope and one station bridge it.
+/// Maximum time during which a drone may see fewer than two base stations without an effect on the
+/// picture. The gyroscope and one station bridge this time.
 const MAX_UNSEEN_S: f64 = 1.0;
 
 /// Duration of the path segments over which light is summed, 1 cm at 0.2 m/s. Such a segment is as

@@ -100,7 +100,7 @@ struct Segment {
     goes_on: bool,
 }
 
-/// Minimum duration over which a speed is computed, because files contain rounded positions.
+/// Minimum duration over which a speed is computed. Positions in files are rounded.
 const SEGMENT_S: f64 = 0.1;
 
 /// Returns the airborne path as segments of at least [`SEGMENT_S`]. A single jump, for which there

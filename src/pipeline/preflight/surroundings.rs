@@ -175,7 +175,7 @@ fn baseline(scene: &Scene) -> Diagnostic {
 fn sunlight(scene: &Scene, profile: &Profile) -> Diagnostic {
     let is_blind = is_by_lighthouse(scene) && profile.is_outdoors;
     Diagnostic::check("sunlight", warn_if(is_blind), None).say(
-        "an outdoor flight with Lighthouse, whose infrared receivers sunlight blinds",
+        "an outdoor flight with Lighthouse, whose infrared receivers are blinded by sunlight",
         "darkness, or positioning that sunlight does not disturb",
         "fly after dusk, or with {sensors.positioning=uwb-twr}",
     )

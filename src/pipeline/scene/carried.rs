@@ -46,7 +46,7 @@ impl CarriedScene {
     /// # Errors
     ///
     /// Returns [`Error::Io`] for an unreadable file, and [`Error::Input`] for a scene that was
-    /// written with other files.
+    /// written together with a different set of files.
     pub fn read(path: &Path) -> Result<Option<Self>> {
         // A named pipe can be read only once, and its plan or flight must still be read.
         if !path.is_file() {
@@ -75,7 +75,7 @@ impl CarriedScene {
         Ok(Some(carried))
     }
 
-    /// Returns true if the scene next to a plan or flight was written with it.
+    /// Returns true if the scene next to a plan or flight was written together with that file.
     pub fn binds(path: &Path) -> bool {
         Self::read(path).is_ok_and(|carried| carried.is_some_and(|carried| carried.is_bound))
     }

@@ -63,7 +63,7 @@ pub(super) fn value_at<'a>(layer: &'a Table, key: &str) -> Option<&'a Value> {
     keys.fold(first, |value, key| value?.get(key))
 }
 
-/// Returns the name of a choice, which is a text or the `kind` of a table, from the highest layer
+/// Returns the name of a choice, which is a string or the `kind` of a table, from the highest layer
 /// that has the key.
 pub(super) fn last_name<'a>(layers: &'a [Table], key: &str) -> Option<&'a str> {
     layers.iter().rev().find_map(|layer| {

@@ -50,6 +50,7 @@ fn write_settings(text: &mut String, path: &str, settings: &[Setting], values: &
     // In TOML, all keys after a table's header belong to that table, so tables must come last.
     let (tables, plain): (Vec<&Setting>, Vec<&Setting>) =
         settings.iter().partition(|setting| values.get(setting.key).is_some_and(is_table));
+    // A setting without a value is printed as a comment.
     for setting in plain {
         write_comment(text, setting.doc, setting.range);
         if let Shape::Names(variants) = setting.shape {
@@ -61,24 +62,24 @@ fn write_settings(text: &mut String, path: &str, settings: &[Setting], values: &
         }
     }
     for setting in tables {
-        let path = joined(path, setting.key);
+        let table_path = joined(path, setting.key);
         text.push('\n');
         write_comment(text, setting.doc, None);
-        let Some(values) = values[setting.key].as_table() else {
-            write_rows(text, &path, &values[setting.key]);
+        let Some(table) = values[setting.key].as_table() else {
+            write_rows(text, &table_path, &values[setting.key]);
             continue;
         };
-        *text += &format!("[{path}]\n");
+        *text += &format!("[{table_path}]\n");
         match setting.shape {
-            Shape::Group(settings) => write_settings(text, &path, settings, values),
+            Shape::Group(members) => write_settings(text, &table_path, members, table),
             Shape::Tagged(variants) => {
                 variants.iter().for_each(|variant| write_name(text, variant));
-                let kind = values.get("kind").and_then(Value::as_str).unwrap_or_default();
+                let kind = table.get("kind").and_then(Value::as_str).unwrap_or_default();
                 *text += &format!("kind = \"{kind}\"\n");
-                write_settings(text, &path, of_kind(variants, values), values);
+                write_settings(text, &table_path, of_kind(variants, table), table);
             }
             Shape::Plain | Shape::Names(_) => {
-                values.iter().for_each(|(key, value)| write_entry(text, key, value));
+                table.iter().for_each(|(key, value)| write_entry(text, key, value));
             }
         }
     }

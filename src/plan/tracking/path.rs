@@ -30,8 +30,8 @@ struct Segments {
 /// Number of segments whose distances are computed together.
 const LANES: usize = 8;
 
-/// Minimum distance in m by which skipped segments are farther than the nearest one, because
-/// distances are rounded.
+/// Minimum distance in m by which skipped segments are farther than the nearest one.
+/// Distances are rounded.
 const ROUNDING_M: f64 = 1e-9;
 
 impl Segments {

@@ -14,7 +14,7 @@ use crate::vehicle::{State, attitude, position, velocity};
 use noctograph_core::crazyflie::{GRAVITY_M_S2, N_MOTORS};
 use noctograph_core::error::Result;
 
-/// Minimum acceleration per unit throttle in m/s², because a gain of 0 or less destabilizes the
+/// Minimum acceleration per unit throttle in m/s². A gain of 0 or less would destabilize the
 /// loop.
 const LEAST_GAIN_M_S2: f64 = 1.0;
 /// Vertical velocity error in m/s that costs as much as an error of `controller.altitude.error_m`.

@@ -10,7 +10,8 @@ use nalgebra::{Matrix3, Vector3};
 use crate::kalman::{ERRORS, Part, TURN, VELOCITY};
 use crate::sensors::{Reckoning, Segment};
 
-/// Maximum time in s between messages for interpolation of motion, because strokes are curved.
+/// Maximum time in s between messages for interpolation of motion. Over longer times, strokes are
+/// too curved.
 const LONGEST_GAP_S: f64 = 0.3;
 /// Time in s from a message within which the motion is interpolated in any case.
 const NEAR_S: f64 = 0.05;

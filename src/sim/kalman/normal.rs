@@ -191,8 +191,7 @@ impl Normal {
     }
 }
 
-/// Computes `a ← P h` for an `n` by `n` matrix P, which is symmetric, so that its columns are its
-/// rows.
+/// Computes `a ← P h` for a symmetric `n` by `n` matrix P, whose columns equal its rows.
 #[inline(always)]
 fn multiply(p: &[f64], jacobian: &[Part], a: &mut [f64], n: usize) {
     let a = &mut a[..n];

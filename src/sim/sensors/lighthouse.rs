@@ -35,7 +35,7 @@ const V1_SWEEPS_HZ: f64 = 120.0;
 /// Interval in s at which the common distortion is computed. At 0.5 m/s, the distortion changes by
 /// 0.1 mm in this time.
 const BEND_S: f64 = 0.02;
-/// Time in s after which an unseen station counts as hidden, because five losses in a row are rare.
+/// Time in s after which an unseen station counts as hidden. Five losses in a row are rare.
 const BLIND_S: f64 = 0.1;
 /// Correlation length, as an angle in rad, of the error of a station's calibration.
 const SWEEP_DISTORTION_LENGTH_RAD: f64 = 0.13;

@@ -89,7 +89,7 @@ pub struct Comparison {
     pub mean_m: Vector3<f64>,
     /// Maximum distance between the positions.
     pub max_m: f64,
-    /// Root mean square difference in attitude. `None` if a flight lacks attitude.
+    /// Root mean square difference in attitude. `None` if a flight has no attitude data.
     #[serde(rename = "attitude_rmse_rad")]
     pub attitude_rmse: Option<Attitude>,
     /// Cause that explains most of the difference, and the fraction of the mean square that it

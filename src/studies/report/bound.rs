@@ -1,4 +1,4 @@
-//! Draws the bound on position errors as SVG: colored strokes, and the room from above.
+//! Draws the bound on position errors as SVG: colored strokes, and the room as seen from above.
 
 use std::ops::Range;
 
@@ -12,7 +12,7 @@ use noctograph_plan::Plan;
 use noctograph_sim::Bound;
 use noctograph_sim::sensors::UwbOptions;
 
-/// Widths of each of the two views, of the margins, and of the legend.
+/// Side of a square view, width of a margin, and width of the legend.
 const VIEW_PX: f64 = 420.0;
 const MARGIN_PX: f64 = 56.0;
 const LEGEND_PX: f64 = 130.0;
@@ -51,7 +51,8 @@ pub fn bound_map(
     uwb: &UwbOptions,
     one_more_m: [f64; 3],
 ) -> String {
-    // One view shows the plans from the front, the other shows plans and anchors from above.
+    // One view shows the plans as seen from the front, and the other shows plans and anchors as
+    // seen from above.
     let flown_m = plans.iter().flat_map(|plan| &plan.setpoints).map(|s| s.position_m);
     let anchors_m = uwb.anchors_m.iter().chain([&one_more_m]).map(|[x, y, _]| [*x, *y]);
     let front = view(flown_m.clone().map(|p| [p.x, p.z]), MARGIN_PX);
@@ -92,8 +93,8 @@ fn label(canvas: &mut Canvas, left: Point, text: &str) {
     canvas.text(text, left, Anchor::Start, CAP_PX, [0; 3]);
 }
 
-/// Draws a drone's path from the front. Lit strokes have the color of their bound, and the rest is
-/// a thin line.
+/// Draws a drone's path as seen from the front. Lit strokes have the color of their bound, and the
+/// rest is a thin line.
 fn draw_strokes(
     canvas: &mut Canvas,
     front: &Window,

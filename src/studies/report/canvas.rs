@@ -289,7 +289,7 @@ fn paint([r, g, b]: Rgb) -> Paint<'static> {
     paint
 }
 
-/// Returns a text with `&` and `<` escaped for SVG and HTML.
+/// Returns a string with `&` and `<` escaped for SVG and HTML.
 pub fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;")
 }

@@ -1,4 +1,4 @@
-//! Plots flights from above and from the front, and their errors and loads over time.
+//! Plots flights as seen from above and from the front, and their errors and loads over time.
 
 use std::ops::Range;
 
@@ -25,8 +25,9 @@ const VIEW_PX: [f64; 2] = [160.0, 720.0];
 const DESIGN: Pen = Pen::new(GRAY, 5.0);
 const CORRIDOR: Pen = Pen::new(BLACK, 1.5);
 
-/// Returns an SVG of the flights from above, with x to the right and y up, over the first trace's
-/// design. Black lines mark the edges of the safety corridor. Panics without traces or samples.
+/// Returns an SVG of the flights as seen from above, with x to the right and y up, drawn over the
+/// first trace's design. Black lines mark the edges of the safety corridor. Panics without traces
+/// or samples.
 pub fn top_view(traces: &[NamedFlight]) -> String {
     let mut view = View::new(traces, |p| (p.x, p.y));
     let [x, y] = view.ranges([-1.25 * CORRIDOR_M, 1.25 * CORRIDOR_M]);
@@ -36,8 +37,8 @@ pub fn top_view(traces: &[NamedFlight]) -> String {
     view.svg("Flight from above", "y (m)", [x, y])
 }
 
-/// Returns an SVG of the flights from the front, with x to the right and z up, over the first
-/// trace's design. Panics without traces or samples.
+/// Returns an SVG of the flights as seen from the front, with x to the right and z up, drawn over
+/// the first trace's design. Panics without traces or samples.
 pub fn front_view(traces: &[NamedFlight]) -> String {
     View::new(traces, |p| (p.x, p.z)).svg_from_front("Flight from the front")
 }

@@ -22,8 +22,8 @@ const TRIPOD: Rgb = [86, 180, 233];
 const DRONE: Rgb = [0, 158, 115];
 const STATION: Rgb = [204, 121, 167];
 
-/// Returns SVGs of the shot plan from above (x to the right, y away from the camera) and from the
-/// left (y to the right, z up). Lengths are in meters. The word lies in the plane y = 0.
+/// Returns SVGs of the shot plan as seen from above (x to the right, y away from the camera) and
+/// from the left (y to the right, z up). Lengths are in meters. The word lies in the plane y = 0.
 pub(super) fn shot_plan(shot: &Shot, placement: Option<&ShotPlan>) -> [String; 2] {
     let things = things(shot, placement);
     [

@@ -19,8 +19,8 @@ const DASH_M: f64 = 0.03;
 /// Maximum number of strokes that are labeled with times. More labels would be illegible.
 const MOST_TIMES: usize = 80;
 
-/// Returns an SVG of a word's plans from the front. Lit strokes are colored by speed, dark paths
-/// are dashed, and marks show the start time of each stroke, and the take-offs and landings.
+/// Returns an SVG of a word's plans as seen from the front. Lit strokes are colored by speed, dark
+/// paths are dashed, and marks show the start time of each stroke, and the take-offs and landings.
 /// `numbers` contains a drawing's stroke numbers and their positions. Panics without setpoints.
 pub fn plan_view(plans: &[Plan], word: &str, numbers: &[(usize, [f64; 2])]) -> String {
     assert!(plans.iter().any(|plan| !plan.setpoints.is_empty()), "a plan to draw");

@@ -1,4 +1,4 @@
-//! Plots a spread: its flights from the front, and its bands over time.
+//! Plots a spread: its flights as seen from the front, and its bands over time.
 
 use super::canvas::Pen;
 use super::figure::{BLUE, Curve, Figure, GRAY, VERMILION};

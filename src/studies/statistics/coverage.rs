@@ -18,7 +18,8 @@ use crate::{Conditions, Record, Study, Trial, evaluate};
 type Interval<'a> = &'a (dyn Fn(&[Vec<f64>]) -> Estimate + Sync);
 
 /// Returns the fractions of studies whose interval contains the true value, lies below it, or lies
-/// above it. Each study draws `n` values by `law`, the quantile function of a distribution.
+/// above it. Each study draws `n` values by `law`, the quantile function of a distribution, which
+/// must be finite at 0 and is never called with 1.
 fn coverage_of(
     law: &(dyn Fn(f64) -> f64 + Sync),
     truth: f64,
@@ -28,6 +29,7 @@ fn coverage_of(
 ) -> [f64; 3] {
     let sides = (0..n_studies).into_par_iter().map(|study| {
         let keys = (0..n).map(|k| u64::from(study) << 32 | u64::from(k));
+        // The upper 53 bits of a random number, divided by 2⁵³, are from 0 to just below 1.
         let uniform = keys.map(|key| (split_mix(key) >> 11) as f64 / (1_u64 << 53) as f64);
         let estimate = interval(&[uniform.map(law).collect()]);
         match (estimate.high < truth, estimate.low > truth) {
