@@ -144,6 +144,6 @@ fn a_flight_is_compared_with_the_promised_one_letter_by_letter() {
     let page = std::fs::read_to_string(path("noctograph-out/report.html")).unwrap();
     assert!(page.contains("Promised and flown") && page.contains("flown 0."), "the section");
     let fleet = ["preview", "NO", "--set", "plan.drones=2", "--flown", "log.jsonl"];
-    let one = predicate::str::contains("one drone");
+    let one = predicate::str::contains("a word written by a single drone");
     noctograph(folder.path()).args(fleet).assert().code(2).stderr(one);
 }

@@ -59,7 +59,7 @@ fn an_import_says_which_firmware_flew_and_where_the_scene_has_another() {
             assert_eq!(found["firmware"], "2025.12.1", "{log}: {found}");
             found["warnings"].to_string()
         };
-        let doubt = "vehicle.firmware = \\\"2025.12\\\" is its model";
+        let doubt = "which vehicle.firmware = \\\"2025.12\\\" models";
         let of_another = said(&[]);
         assert!(of_another.contains(doubt), "{log}: {of_another}");
         let of_its_own = said(&["--set", "vehicle.firmware=2026.04"]);
