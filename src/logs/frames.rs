@@ -270,7 +270,6 @@ mod tests {
         for to in [&drifts as &dyn Fn([f64; 3]) -> [f64; 3], &shuttles] {
             let (z_m, warning) = said(to, Axes::Auto);
             assert!(z_m < 1.0 && warning.contains("z is assumed to point up"), "{z_m}: {warning}");
-            assert!(warning.contains("a guess"), "{warning}");
             assert_eq!(said(to, Axes::ZUp).1, "", "as told");
         }
         assert_eq!(said(&drifts, Axes::YUp), (1.0, String::new()), "as told");

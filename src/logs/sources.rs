@@ -286,10 +286,10 @@ impl<'a> Search<'a> {
     /// true if another source has the same quantity.
     fn warn_of_diverged(&mut self, source: &Source, is_replaced: bool) {
         let names = shortened(&names(source.1).collect::<Vec<_>>());
-        let instead = if is_replaced { "replaced by another source" } else { "not logged" };
-        let text = format!(
-            "{names} exceeds ±{MAX_QUANTITY:e}, like a diverged observer: read as {instead}"
-        );
+        let instead =
+            if is_replaced { "is replaced by another source" } else { "counts as not logged" };
+        let text =
+            format!("{names} exceeds ±{MAX_QUANTITY:e}, like a diverged observer, and {instead}");
         if !self.warnings.iter().any(|known| known.code == DIVERGED && known.detail() == names) {
             self.warnings.push(Diagnostic::warning(DIVERGED, text).detailed(names));
         }

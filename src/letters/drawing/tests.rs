@@ -172,9 +172,9 @@ fn what_is_no_drawing_is_refused() {
         ("a.svg", "not xml", "a.svg"),
         ("a.dwg", "x", "unsupported format"),
         ("svg", "x", "unsupported format"),
-        ("a.HEIC", "x", "as JPEG"),
-        ("a.avif", "x", "as JPEG"),
-        ("a.jpg", "\0\0\0\x18ftypheic", "as JPEG"),
+        ("a.HEIC", "x", "save a JPEG"),
+        ("a.avif", "x", "save a JPEG"),
+        ("a.jpg", "\0\0\0\x18ftypheic", "save a JPEG"),
         ("a.pdf", "x", "as SVG"),
         ("a.png", "%PDF-1.7", "as SVG"),
     ];

@@ -189,7 +189,7 @@ fn poses_of_other_programs_are_read_with_their_axes_and_orders() {
     let upright = rows("t,x,y,z\n", |t, [x, y, z]| format!("{t:.2},{x},{z},{:.4}", -y));
     let flight = read(upright.as_bytes());
     check("y up", &flight);
-    says(&flight, "taken as y-up");
+    says(&flight, "assumed to be y-up");
 }
 
 #[test]
@@ -264,7 +264,7 @@ fn other_files_are_refused_with_what_converts_them() {
         (b"<?xml version=\"1.0\"?>\n<kml/>\n", "t,x,y,z"),
         (b"\x02\x50\x0b\x00", "motion capture"),
         (b"H Product:Blackbox flight data recorder by Nicholas Sherlock\n", "log the position"),
-        (b"LabVIEW Measurement\t\nWriter_Version\t2\n***End_of_Header***\t\n", "its table"),
+        (b"LabVIEW Measurement\t\nWriter_Version\t2\n***End_of_Header***\t\n", "the table"),
         (b"% program   : RTKLIB 2.4.3\n%  GPST  latitude(deg)\n", "east, north and up"),
         (b"$GPGGA,110000.00,4722.2,N,00832.4,E,1,12,0.7,400,M,,M,,*5B\n", "east, north"),
     ];
@@ -394,7 +394,7 @@ fn a_dead_or_diverged_source_is_replaced_by_the_next() {
     .concat();
     let flight = read(variables(&log).as_bytes());
     check("the firmware's position", &flight);
-    says(&flight, "ae483log.o_x, ae483log.o_y, ae483log.o_z goes beyond");
+    says(&flight, "ae483log.o_x, ae483log.o_y, ae483log.o_z exceeds");
     let sample = &flight.samples[500];
     assert!((sample.motors[2] - 40_050.0).abs() < 2.0, "{sample:?}");
     let (roll, pitch) = (0.1 * libm::sin(5.0), 0.05 * libm::sin(5.0));
