@@ -110,7 +110,7 @@ fn an_empty_header_says_what_to_do() {
     std::fs::write(folder.path().join("study.json"), "").unwrap();
     let error = Store::open(folder.path()).unwrap_err();
     assert!(error.to_string().contains("an empty file"), "{error}");
-    assert!(error.hint().contains("remove it"), "{}", error.hint());
+    assert!(error.hint().contains("remove the file"), "{}", error.hint());
     std::fs::remove_file(folder.path().join("study.json")).unwrap();
     assert_eq!(Store::open(folder.path()).unwrap().n_known(), 1, "the flights stay");
 }
