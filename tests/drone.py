@@ -1,10 +1,8 @@
 """A double of a Crazyflie in virtual time for exported scripts: a clock, a body that obeys commands like the
 firmware, and a link to it with cflib's own commanders, which can fail in every way."""
 
-import heapq
 import importlib.metadata
 import importlib.util
-import itertools
 import math
 import os
 import struct
@@ -34,9 +32,7 @@ class Clock:
     """Virtual time that passes only while the script sleeps, and then runs the events that are due."""
 
     def __init__(self):
-        self.now_s, self.lock = 100.0, threading.RLock()
-        # Events that are due at the same time run in the order in which they were requested.
-        self.due, self.order = [], itertools.count()
+        self.now_s, self.due, self.lock = 100.0, [], threading.RLock()
 
     def monotonic(self):
         return self.now_s
@@ -44,14 +40,15 @@ class Clock:
     def sleep(self, s):
         with self.lock:
             end_s = self.now_s + s
-            while self.due and self.due[0][0] <= end_s:
-                due_s, _, action = heapq.heappop(self.due)
-                self.now_s = max(self.now_s, due_s)
-                action()
+            while self.due and min(self.due, key=lambda event: event[0])[0] <= end_s:
+                event = min(self.due, key=lambda event: event[0])
+                self.due.remove(event)
+                self.now_s = max(self.now_s, event[0])
+                event[1]()
             self.now_s = max(self.now_s, end_s)
 
     def after(self, s, action):
-        heapq.heappush(self.due, (self.now_s + s, next(self.order), action))
+        self.due.append((self.now_s + s, action))
 
 
 class SharedClock(Clock):
@@ -415,8 +412,9 @@ class Radio:
         block.radio = self
         self.blocks.append(block)
 
-    def value(self, name):
-        """Returns the value of a logged variable at the time to which the drone was last moved."""
+    def read(self, name):
+        """Returns the current value of a logged variable."""
+        self.body.move()
         group, _, variable = name.partition(".")
         default = self.fixed.get(name, 0.0)
         if group == "stateEstimate" and variable in "xyz":
@@ -452,8 +450,7 @@ class Block:
             if not self.on or radio.is_closed:
                 return
             if not radio.is_lost:
-                radio.body.move()
-                values = {name: radio.value(name) for name, _ in self.variables}
+                values = {name: radio.read(name) for name, _ in self.variables}
                 for callback in self.data_received_cb:
                     callback(round(1000 * (radio.clock.now_s - 50)), values, self)
             radio.clock.after(self.period_s, row)

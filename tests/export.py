@@ -56,7 +56,7 @@ def flight(script, mode, controller=5, begun=None, **radio):
             if begun:
                 begun(cf)
             if due:
-                clock.after(due[0], lambda: due[1](cf))
+                clock.due.append((clock.now_s + due[0], lambda: due[1](cf)))
             script.fly(drone, mode, controller)
         except (script.Stopped, KeyboardInterrupt) as error:
             ended = error
