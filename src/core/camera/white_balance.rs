@@ -28,7 +28,7 @@ const KELVIN: [f64; 2] = [1700.0, 25_000.0];
 const GAINS: [f64; 2] = [0.01, 100.0];
 
 impl Described for WhiteBalance {
-    /// Checks that a color temperature is within [`KELVIN`], and that gains are within [`GAINS`].
+    /// Checks that a color temperature is within `KELVIN`, and that gains are within `GAINS`.
     fn check(&self, place: &str, _: Option<[f64; 2]>) -> Result<()> {
         match self {
             Self::Kelvin(kelvin) => kelvin.check(place, Some(KELVIN)),

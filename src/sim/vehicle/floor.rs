@@ -49,7 +49,7 @@ impl FloorStep {
 impl Described for FloorStep {
     const SHAPE: Shape = Shape::Plain;
 
-    /// Checks that the height is within [`HEIGHTS_M`], and that each end is beyond its beginning.
+    /// Checks that the height is within `HEIGHTS_M`, and that each end is beyond its beginning.
     fn check(&self, place: &str, _: Option<[f64; 2]>) -> Result<()> {
         self.height_m.check(&joined(place, "height_m"), Some(HEIGHTS_M))?;
         for (key, extent_m) in [("x_m", self.x_m), ("y_m", self.y_m)] {
