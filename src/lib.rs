@@ -50,6 +50,9 @@
 //! | `python` | the bindings of the Python package, whose functions are the commands of [`cli`] | `core`, `noctograph` |
 //!
 //! Without the crate `features`, the tests of a single crate would rebuild about thirty packages.
+//! `core` depends on it because all other crates depend on `core`. `serve` depends on
+//! `photo_service` because the server answers the same requests as the page without a server, and
+//! the photographs must have the same bytes.
 //!
 //! The crates cannot be published on crates.io, because fonts, shaders and golden files are at the
 //! top level, outside the crates. A program that uses the library depends on the repository, as

@@ -20,6 +20,7 @@ use crate::preflight::{
 use crate::shoot::Shoot;
 use clap::Args;
 use noctograph_core::crazyflie::Release;
+use noctograph_core::units::MM_PER_M;
 use serde_json::json;
 
 #[derive(Debug, Args)]
@@ -132,8 +133,6 @@ fn written(files: &[File], output: Option<&Path>, word: &str) -> Result<Vec<Path
     folder.keep()
 }
 
-/// Number of millimeters in a meter.
-const MM_PER_M: f64 = 1e3;
 /// Smallest and largest tolerance in mm of a trajectory that is fitted to a plan.
 const TOLERANCES_MM: [f64; 2] = [0.5, 1000.0];
 

@@ -12,6 +12,7 @@ use crate::flight::Flight;
 use crate::report::FlownNotes;
 use crate::shoot::{Judging, Shoot, Shot};
 use crate::tracking::{letters_by_plan, track_letters};
+use noctograph_core::units::MM_PER_M;
 use serde::Serialize;
 use serde_json::json;
 
@@ -86,8 +87,6 @@ pub(super) fn compare(promised: &Shot, flown: Shot) -> (Report, FlownNotes) {
     (report, FlownNotes { shot: flown, rows })
 }
 
-/// Number of millimeters in a meter.
-const MM_PER_M: f64 = 1e3;
 /// Arrow from the previewed value to the flown one.
 const ARROW: &str = " → ";
 const HEAD: &str = "letter<8|reads as<10|P<13|lag/s<15|off path/mm<11|off plane/mm<11|lit/s<0";

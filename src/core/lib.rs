@@ -22,6 +22,7 @@ pub mod settings;
 pub mod srgb;
 pub mod statistics;
 pub mod strokes;
+pub mod units;
 
 /// Runs work in a version that is compiled for this processor's widest vector registers.
 /// WebAssembly has only one register width.

@@ -106,7 +106,8 @@ pub mod one_thread {
                 ($($threads:tt)*) => {{
                     use $($threads)* as threads;
                     use threads::prelude::*;
-                    let values: Vec<u64> = (0..97_u64).into_par_iter().map(|n| n * n % 31).collect();
+                    let values = (0..97_u64).into_par_iter();
+                    let values: Vec<u64> = values.map_init(|| 31, |modulus, n| n * n % *modulus).collect();
                     let mut sums = vec![0; 13];
                     let rows = sums.par_chunks_exact_mut(2).zip(values.par_chunks(7)).with_min_len(2);
                     rows.enumerate().for_each_init(|| 1_usize, |one, (n, (sums, row))| {

@@ -19,16 +19,13 @@ use super::pieces::{Polynomials, Rounding, Stretch, pieces};
 use super::timeline::{Segment, Timeline};
 use noctograph_core::crazyflie::{Feature, Release, TRAJECTORY_MEMORY_BYTES};
 use noctograph_core::error::{Error, Result};
+use noctograph_core::units::{MM_PER_M, MS_PER_S};
 use noctograph_plan::Plan;
 
 /// Maximum duration of a piece, s: the largest uint16 in ms.
 const MAX_PIECE_S: f64 = 65.535;
 /// Maximum coordinate, m: the largest int16 in mm.
 const MAX_COORDINATE_M: f64 = 32.767;
-/// Number of millimeters in a meter, in which the format stores coordinates.
-const MM_PER_M: f64 = 1e3;
-/// Number of milliseconds in a second, in which the format stores durations.
-const MS_PER_S: f64 = 1e3;
 /// Maximum error of an axis stored as a constant, m.
 const CONSTANT_M: f64 = 0.0005;
 /// Maximum error of an axis stored as a line, m.

@@ -1,5 +1,7 @@
 //! The shape of a character: its strokes before they have a position or a size.
 
+use std::ops::RangeInclusive;
+
 use kurbo::Point;
 
 use super::vector::coordinates;
@@ -9,6 +11,9 @@ use noctograph_core::geometry::bounds;
 /// Minimum width of the cell of a proportional character, in cap heights. A single stroke, such as
 /// I, gets room on both sides, so that readers have an area to look at.
 const NARROWEST: f64 = 0.3;
+
+/// Plausible heights of a capital, in the units of a font.
+pub(super) const CAP_HEIGHTS: RangeInclusive<f64> = 1e-3..=1e6;
 
 /// How characters are placed in their cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

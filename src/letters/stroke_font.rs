@@ -20,7 +20,7 @@ use unicode_normalization::UnicodeNormalization;
 
 use super::arcs::with_arcs;
 use super::face::Face;
-use super::shape::{Fit, Run, Shape};
+use super::shape::{CAP_HEIGHTS, Fit, Run, Shape};
 use noctograph_core::error::Result;
 use noctograph_core::input_error;
 
@@ -62,9 +62,6 @@ impl Default for StrokeFont {
         Self { fit: Fit::Box, units: 1.0, letters, n_points: 0, lines }
     }
 }
-
-/// Heights of a capital in the file's units.
-const CAP_HEIGHTS: std::ops::RangeInclusive<f64> = 1e-3..=1e6;
 
 impl StrokeFont {
     /// Parses a font from its text. The error names the line that is malformed.

@@ -22,7 +22,7 @@ use super::curves::polylines;
 use super::face::{Face, Joined, ShapedLine};
 use super::glyph::outline;
 use super::outline::Contour;
-use super::shape::{Run, Shape};
+use super::shape::{CAP_HEIGHTS, Run, Shape};
 use super::shaping::{MAX_POINTS, Placed, Unset, shape_line};
 use super::vector::{Lines, length, pairs, point};
 use super::{Trace, stored};
@@ -55,9 +55,8 @@ const AREA_LENGTH: f64 = 6.0;
 /// letters meet at a common edge.
 const TOUCHING: f64 = 0.005;
 
-/// Plausible half widths of strokes, and plausible cap heights in font units.
+/// Plausible half widths of strokes.
 const HALF_WIDTHS: RangeInclusive<f64> = 1e-4..=0.4;
-const CAP_HEIGHTS: RangeInclusive<f64> = 1e-3..=1e6;
 
 /// Characters as high as capitals. The first of these characters that a face has is used.
 const CAPITALS: &str = "HIExo\u{5d0}\u{627}\u{915}\u{e01}0";

@@ -9,6 +9,7 @@ use super::pass::{Innovations, time_steps};
 use super::{Link, Located, RangeSample};
 use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::statistics::median;
+use noctograph_core::units::CM_PER_M;
 
 /// Standard deviation of a normal distribution divided by its median absolute deviation.
 const SIGMA_PER_MAD: f64 = 1.4826;
@@ -26,9 +27,6 @@ const MOST_REFUSED: usize = 5;
 /// within 15 %, and the standard deviations by which few ranges widen the bounds.
 const NIS_BOUNDS: [f64; 2] = [0.7, 1.4];
 const NIS_SIGMAS: f64 = 3.0;
-
-/// Number of centimeters in a meter, for messages.
-const CM_PER_M: f64 = 100.0;
 
 /// Residuals of a link, which are the measured distances minus those between located positions.
 #[derive(Clone, Debug, PartialEq, Serialize)]

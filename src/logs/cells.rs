@@ -2,6 +2,7 @@
 
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Head, RowRules, Sheet, SheetColumn, Text};
+use noctograph_core::units::MS_PER_S;
 
 use super::Job;
 use super::titles::meaning;
@@ -13,8 +14,6 @@ pub(super) const DAY_S: f64 = 86_400.0;
 pub(super) const HOUR_S: f64 = 3600.0;
 /// Duration of a minute, s.
 const MINUTE_S: f64 = 60.0;
-/// Number of milliseconds in a second.
-pub(super) const MS_PER_S: f64 = 1e3;
 /// Maximum length of a cell that is parsed as a date, in bytes.
 const LONGEST_DATE: usize = 48;
 

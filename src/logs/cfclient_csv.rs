@@ -9,6 +9,7 @@ use super::recording::{Block, Column, Recording};
 use super::{Job, cells, firmware, unknown};
 use noctograph_core::error::Result;
 use noctograph_core::files::{Head, Text, ending, entries_in, file_name};
+use noctograph_core::units::MS_PER_S;
 
 /// Period after which the times in radio logs, 24-bit milliseconds, restart.
 pub(super) const WRAP_S: f64 = 16_777.216;
@@ -33,7 +34,7 @@ pub(super) fn read(text: &Text<'_>, head: Head, job: Job<'_>) -> Result<Recordin
     let times_ms = columns.next().map(|times| times.values).unwrap_or_default();
     let block = Block {
         name: Path::new(job.file).file_stem().unwrap_or_default().to_string_lossy().into_owned(),
-        time_s: times_ms.into_iter().map(|ms| ms / cells::MS_PER_S).collect(),
+        time_s: times_ms.into_iter().map(|ms| ms / MS_PER_S).collect(),
         columns: columns.collect(),
         ..Block::default()
     };

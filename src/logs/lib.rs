@@ -53,6 +53,7 @@ mod frames;
 mod gathered;
 mod half_precision;
 mod json_log;
+mod json_text;
 mod mapper;
 mod mocap;
 mod mocap_csv;

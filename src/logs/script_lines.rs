@@ -18,7 +18,8 @@ use serde_json::Value;
 use serde_json::value::RawValue;
 
 use super::cfclient_csv::WRAP_S;
-use super::json_log::{add_variable, replace_nan, resolve_units};
+use super::json_log::{add_variable, resolve_units};
+use super::json_text::replace_nan;
 use super::recording::Recording;
 use super::{HINT, ImportOptions, Job, LIMIT, OnClock};
 use noctograph_core::error::{Error, Result};

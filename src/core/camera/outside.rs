@@ -3,9 +3,7 @@
 use nalgebra::Vector3;
 
 use super::{Camera, ImagePoint};
-
-/// Number of centimeters in a meter.
-const CM_PER_M: f64 = 100.0;
+use crate::units::CM_PER_M;
 
 impl Camera {
     /// Describes how far points lie outside the picture, measured at the depth of each point, such

@@ -4,6 +4,7 @@
 use std::cell::Cell;
 
 use crate::error::{Error, Result};
+use crate::units::MIB;
 
 /// Maximum amount of work for an input, in steps. A step takes about a nanosecond on one core of a
 /// 2020 processor, as measured for each reader.
@@ -11,8 +12,6 @@ const MAX_STEPS: u64 = 1_000_000_000;
 
 /// Maximum memory for an input in bytes, including temporary copies during reading.
 const MAX_BYTES: u64 = 240 * MIB;
-/// Number of bytes in a mebibyte.
-const MIB: u64 = 1 << 20;
 
 /// Work and memory that remain for an input, such as a file or a folder of files.
 ///

@@ -9,6 +9,7 @@ use super::Text;
 #[cfg(target_family = "wasm")]
 use super::brought::File;
 use crate::error::{Error, Result};
+use crate::units::{KIB, MIB};
 
 /// Maximum size of one kind of file that is read.
 #[derive(Clone, Copy, Debug)]
@@ -148,8 +149,6 @@ pub fn entries_in(folder: &Path) -> Result<Vec<PathBuf>> {
 
 /// Returns a size as text in MiB, KiB or bytes, rounded down.
 fn size(bytes: u64) -> String {
-    const KIB: u64 = 1 << 10;
-    const MIB: u64 = 1 << 20;
     match bytes {
         MIB.. => format!("{} MiB", bytes / MIB),
         KIB.. => format!("{} KiB", bytes / KIB),

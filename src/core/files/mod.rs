@@ -7,6 +7,7 @@
 #[cfg(target_family = "wasm")]
 mod brought;
 mod budget;
+mod csv_cell;
 mod csv_reader;
 #[expect(clippy::disallowed_methods, reason = "copies what this program wrote")]
 mod folder;

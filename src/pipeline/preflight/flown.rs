@@ -12,6 +12,7 @@ use noctograph_core::diagnostic::{Diagnostic, Severity};
 use noctograph_core::error::Result;
 use noctograph_core::flight::{BATTERY_V, Flight, FlightSample, SATURATED_S, saturated_s, warning};
 use noctograph_core::statistics::weighted_quantile;
+use noctograph_core::units::{MM_PER_M, MS_PER_S};
 use noctograph_export::safety::{Battery, LOW_BATTERY_S};
 use noctograph_letters::Strokes;
 use noctograph_picture::expose::meter::LampReading;
@@ -36,10 +37,6 @@ const MAX_UNEVEN_STOPS: f64 = 4.5;
 const BRIEF_SATURATED_S: f64 = 0.07;
 /// Minimum saturation time of a motor that stops the flight.
 pub const MAX_SATURATED_S: f64 = 0.5;
-
-/// Factors from SI units to the units of messages.
-const MS_PER_S: f64 = 1e3;
-const MM_PER_M: f64 = 1e3;
 
 /// Checks the simulated flight of drone `drone`, counted from 0: its path, its demands on motors
 /// and battery, and its light in the picture. Returns a finding for each check.

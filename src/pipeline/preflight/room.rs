@@ -2,6 +2,7 @@
 
 use super::Profile;
 use crate::scene::Scene;
+use noctograph_core::units::FOOT_M;
 
 /// Minimum distance from the word to the sides of the flight volume.
 const FROM_SIDES_M: f64 = 0.3;
@@ -23,8 +24,6 @@ const OTHER_UNITS: [(&str, f64); 4] =
 
 /// Units that may follow the numbers, and their length in meters.
 const UNITS: [(&str, f64); 4] = [("cm", 0.01), ("mm", 0.001), ("ft", FOOT_M), ("m", 1.0)];
-
-const FOOT_M: f64 = 0.3048;
 
 /// Ceiling height from which numbers without a unit are refused. Rooms are often 8 feet high, but
 /// few halls are 8 m high. A sports hall 7 m high is accepted with a warning (check `room`).

@@ -4,9 +4,8 @@ use nalgebra::Vector3;
 
 use super::{AirOptions, Gusts};
 use noctograph_core::random::{Noise, Normals};
+use noctograph_core::units::FOOT_M;
 
-/// Meters per foot, because the specification's formulas are in feet.
-const FOOT_M: f64 = 0.3048;
 /// Correlation time in s of the torque from uneven air, as in the reference flight
 /// ([`super::GustOptions`]).
 pub const TORQUE_TIME_S: f64 = 1.5;
