@@ -17,8 +17,6 @@ const ROUNDING_S: f64 = 1e-9;
 /// Number of comparisons between output and target per input. The additional comparison between two
 /// inputs prevents oscillation.
 const OUTPUTS_PER_INPUT: usize = 2;
-/// Number of outputs that are added to the normal equations together.
-const OUTPUTS_PER_GROUP: usize = 8;
 
 impl StepResponse {
     /// Returns the output at a time in s after a unit step of the input, interpolated linearly, or
@@ -157,39 +155,27 @@ impl Inverse<'_> {
         // The matrix is W'W + ridge I, where W has one row for each output. Only the upper half of
         // its band is stored.
         normal.iter_mut().step_by(width).for_each(|diagonal| *diagonal += self.ridge);
-        let outputs_s: Vec<f64> = self.outputs_s().collect();
-        let mut group: [(usize, Vec<f64>); OUTPUTS_PER_GROUP] = Default::default();
-        for outputs_s in outputs_s.chunks(OUTPUTS_PER_GROUP) {
-            for (time_s, (from, weights)) in outputs_s.iter().zip(&mut group) {
-                *from = self.weigh(*time_s, weights);
-            }
-            // A row of the matrix is in the cache while the outputs are added to it.
-            let group = &group[..outputs_s.len()];
-            let until = group.iter().map(|(from, weights)| from + weights.len()).max().unwrap_or(0);
-            for row in group[0].0..until {
-                let sums = &mut normal[row * width..][..width];
-                for (from, weights) in group {
-                    let weights = row.checked_sub(*from).and_then(|first| weights.get(first..));
-                    let Some(weights @ [weight, ..]) = weights else { continue };
-                    sums.iter_mut().zip(weights).for_each(|(sum, other)| *sum += weight * other);
-                }
+        let mut weights = Vec::new();
+        for time_s in self.outputs_s() {
+            let from = self.weigh(time_s, &mut weights);
+            for (i, weight) in weights.iter().enumerate() {
+                let row = &mut normal[(from + i) * width..][..width];
+                row.iter_mut().zip(&weights[i..]).for_each(|(sum, other)| *sum += weight * other);
             }
         }
-        // The Cholesky factorization proceeds row by row. The finished rows above a row in the band
-        // are subtracted from it.
+        // The Cholesky factorization proceeds row by row. Each finished row is subtracted from the
+        // rows below it in the band.
         for i in 0..self.times_s.len() {
-            let (above, rest) = normal.split_at_mut(i * width);
-            let row = &mut rest[..width];
-            for k in (1..width.min(i + 1)).rev() {
-                let above = &above[(i - k) * width..][k..width];
-                let factor = above[0];
+            let (rows, below) = normal[i * width..].split_at_mut(width);
+            let pivot = rows[0].max(f64::MIN_POSITIVE).sqrt();
+            self.pivots.push(pivot);
+            rows.iter_mut().for_each(|entry| *entry /= pivot);
+            for (k, row) in (1..width).zip(below.chunks_exact_mut(width)) {
+                let factor = rows[k];
                 if factor != 0.0 {
-                    row.iter_mut().zip(above).for_each(|(sum, other)| *sum -= factor * other);
+                    row.iter_mut().zip(&rows[k..]).for_each(|(sum, other)| *sum -= factor * other);
                 }
             }
-            let pivot = row[0].max(f64::MIN_POSITIVE).sqrt();
-            self.pivots.push(pivot);
-            row.iter_mut().for_each(|entry| *entry /= pivot);
         }
         self.upper = normal;
     }

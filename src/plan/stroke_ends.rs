@@ -88,16 +88,15 @@ impl<'a> Aligned<'a> {
     /// without samples or a design.
     pub(super) fn new(flight: &'a Flight) -> Result<Self> {
         let writing = Part::Letters.selected(flight)?;
-        if !DesignPath::exists(flight) {
-            return Err(no_design());
-        }
+        DesignPath::exists(flight).ok_or_else(no_design)?;
         let mut aligned = Self { samples: &flight.samples, lag_s: 0.0, offset_m: Vector3::zeros() };
         let (stride, mut offset_m) = (writing.len().div_ceil(MAX_SAMPLES), Vector3::zeros());
         // The lag with the least variance is found in steps of 25 ms, and around it in steps of 1
         // ms.
         for (first, last, step_s) in [(-5, 60, 0.025), (-25, 25, 0.001)] {
             let lags_s = (first..=last).map(|step| aligned.lag_s + f64::from(step) * step_s);
-            let fits = lags_s.collect::<Vec<_>>().into_par_iter().map(|lag_s| {
+            let lags_s: Vec<f64> = lags_s.collect();
+            let fits = lags_s.into_par_iter().map(|lag_s| {
                 let sampled = writing.iter().step_by(stride).copied();
                 let (mean_m, variance_m2) = aligned.offset_and_variance(sampled, lag_s);
                 (variance_m2, lag_s, mean_m)

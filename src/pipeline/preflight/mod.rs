@@ -117,38 +117,47 @@ pub fn fly_plans(shoot: &Shoot) -> Result<Vec<Result<Flight>>> {
 /// returned.
 pub fn preflight_flights(
     shoot: &Shoot,
-    mut flown: Vec<Result<Flight>>,
+    flown: Vec<Result<Flight>>,
     profile: &Profile,
 ) -> Result<Preflight> {
-    let is_other = |error: &Error| !matches!(error, Error::Infeasible { .. });
-    if let Some(drone) = flown.iter().position(|flight| flight.as_ref().is_err_and(is_other)) {
-        flown.swap_remove(drone)?;
-    }
     // First the design is checked: letters, plans, their distance from people and objects, and the
     // drones' memories. In parallel, the picture is computed, and each flight is checked in it.
     let paths = Paths::new(shoot, flown.iter().flatten());
-    let drones = || (0..shoot.plans.len()).into_par_iter();
     let ((picture, checked), (mut findings, memories)) = noctograph_core::parallel::join(
         || {
             let picture = Picture::new(shoot, &flown);
-            let checked = drones()
-                .map(|drone| check_flown(shoot, drone, &flown[drone], picture.as_ref(), profile));
+            let flights = flown.par_iter().enumerate();
+            let checked = flights.map(|(drone, flight)| {
+                let flight = flight.as_ref().ok();
+                flight.map(|flight| check_flight(shoot, drone, flight, picture.as_ref(), profile))
+            });
             let checked: Vec<_> = checked.collect();
             (picture, checked)
         },
         || {
             let mut findings = check_design(shoot, profile, &paths);
             findings.extend(check_downwash(shoot, &flown));
-            let memories =
-                drones().map(|drone| [check_memory(shoot, drone), check_led_memory(shoot, drone)]);
+            let memories = (0..shoot.plans.len())
+                .into_par_iter()
+                .map(|drone| [check_memory(shoot, drone), check_led_memory(shoot, drone)]);
             (findings, memories.collect::<Vec<_>>())
         },
     );
     // The findings about each drone are on its memories, its flight and its view of the base
     // stations.
-    for (drone, (checked, memories)) in checked.into_iter().zip(memories).enumerate() {
+    let drones = flown.into_iter().zip(checked).zip(memories);
+    for (drone, ((flight, checked), memories)) in drones.enumerate() {
         let mut checks = Vec::from(memories);
-        checks.extend(checked?);
+        checks.extend(checked.transpose()?.into_iter().flatten());
+        match flight {
+            Ok(_) => {}
+            Err(Error::Infeasible { what, .. }) => {
+                let row = Diagnostic::check("flight", Severity::Stop, None).detailed(what.as_str());
+                let advice = "follow the message, or tune the controller";
+                checks.push(row.say(what, "a flight that reaches its end", advice));
+            }
+            Err(error) => return Err(error),
+        }
         checks.push(check_coverage(&shoot.plans[drone].plan, &shoot.scene)?);
         findings.extend(numbered(shoot, drone, checks));
     }
@@ -174,28 +183,6 @@ fn check_room(shoot: &Shoot, profile: &Profile) -> Result<Vec<Diagnostic>> {
     };
     let camera = check_camera_place(shoot, room_m)?;
     Ok([Some(check_frame(shoot, room_m)), camera].into_iter().flatten().collect())
-}
-
-/// Checks the flight of drone `drone`, counted from 0. An infeasible flight becomes a finding.
-fn check_flown(
-    shoot: &Shoot,
-    drone: usize,
-    flown: &Result<Flight>,
-    picture: Option<&Picture>,
-    profile: &Profile,
-) -> Result<Vec<Diagnostic>> {
-    match flown {
-        Ok(flight) => check_flight(shoot, drone, flight, picture, profile),
-        Err(error) => {
-            let what = match error {
-                Error::Infeasible { what, .. } => what.clone(),
-                error => error.to_string(),
-            };
-            let row = Diagnostic::check("flight", Severity::Stop, None).detailed(what.as_str());
-            let advice = "follow the message, or tune the controller";
-            Ok(vec![row.say(what, "a flight that reaches its end", advice)])
-        }
-    }
 }
 
 impl Shot {

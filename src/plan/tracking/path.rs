@@ -128,13 +128,14 @@ impl DesignPath {
     /// Creates the path of a flight's design. Returns `None` for a flight without one.
     pub fn new(flight: &Flight) -> Option<Self> {
         let corners = flight.samples.iter().map(|sample| (sample.time_s, sample.design_m));
-        Self::exists(flight).then(|| Self::through(corners))
+        Self::exists(flight).map(|()| Self::through(corners))
     }
 
-    /// False for a flight without samples, or with a design that is zero throughout, as in a log
-    /// without setpoints.
-    pub(crate) fn exists(flight: &Flight) -> bool {
-        flight.samples.iter().any(|sample| sample.design_m != Vector3::zeros())
+    /// Returns `None` for a flight without samples, or with a design that is zero throughout, as in
+    /// a log without setpoints.
+    pub(crate) fn exists(flight: &Flight) -> Option<()> {
+        let mut samples = flight.samples.iter();
+        samples.any(|sample| sample.design_m != Vector3::zeros()).then_some(())
     }
 
     /// Creates the path through at least one point, given in chronological order.
