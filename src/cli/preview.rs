@@ -26,6 +26,7 @@ use crate::score::Verdict;
 use crate::shoot::{Format, Shoot, Shot};
 use crate::studies::{Remedy, remedies_for};
 use clap::Args;
+use noctograph_core::parallel;
 use serde_json::{Value, json};
 
 /// Name of the file with the verdict on a word.
@@ -83,19 +84,25 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     let obstacles: Vec<String> = problems(true).map(sentence).collect();
     warn(problems(false).map(sentence));
 
-    // After the photograph is taken, its files are written, and the spread, the helpful changes and
-    // the findings of `check` are computed.
+    // After the photograph is taken, its files are written while the findings of `check` are
+    // computed. The spread and the helpful changes follow.
     let verdict = shot.verdict.as_ref();
     let json = show::verdict_json(verdict, shot.flight_sha256());
-    write(&shot, &json, &args.output, &mut folder)?;
+    let profile = args.profile.profile(&shot.shoot.scene);
+    let (written, (findings, placement)) = parallel::join(
+        || write(&shot, &json, &args.output, &mut folder),
+        || {
+            let findings = match args.report {
+                true => shot.preflight(&profile).map(|preflight| preflight.findings),
+                false => shot.findings(&profile),
+            };
+            (findings, shot.placement(&profile))
+        },
+    );
+    written?;
     let spread = args.spread.run(&shot.shoot, &conditions, &mut folder)?;
     let remedies = remedies_for(&shot)?;
-    let profile = args.profile.profile(&shot.shoot.scene);
-    let findings = match args.report {
-        true => shot.preflight(&profile)?.findings,
-        false => shot.findings(&profile)?,
-    };
-    let placement = shot.placement(&profile)?;
+    let (findings, placement) = (findings?, placement?);
     warn_of_no_place(placement.as_ref());
     // A camera behind a wall causes only a warning here, because its photo is taken nevertheless.
     let stops = findings::stops(findings.iter().filter(|it| it.code != CAMERA_PLACE));

@@ -244,9 +244,9 @@ fn piece(
         let forms = [(Vec::new(), CONSTANT_M), (vec![end_mm], LINEAR_M)];
         let simple = forms.into_iter().find(|(points_mm, tolerance_m)| {
             let [start_m, speed_m_s, ..] = polynomial(start_mm[axis], points_mm, duration_s);
-            stretch.check_times_s(from, to).all(|time_s| {
+            stretch.checks(from, to).all(|(time_s, design_m)| {
                 let line_m = start_m + speed_m_s * (time_s - stretch.time_s(from));
-                (line_m - stretch.position_m(time_s)[axis]).abs() < *tolerance_m
+                (line_m - design_m[axis]).abs() < *tolerance_m
             })
         });
         // Otherwise the axis is cubic (Hermite), with inner control points v T/3 from its ends.

@@ -17,6 +17,7 @@ use noctograph_core::camera::Camera;
 use noctograph_core::crazyflie::{Release, TRAJECTORY_MEMORY_BYTES};
 use noctograph_core::error::{Error, Result, is_device};
 use noctograph_core::lamps::LightOptions;
+use noctograph_core::parallel;
 use noctograph_core::settings::settings;
 use noctograph_plan::Plan;
 use noctograph_sim::SimOptions;
@@ -278,8 +279,11 @@ pub struct Memory {
 pub fn memory(release: Release, plan: &Plan) -> Result<Memory> {
     let flies_heading = compressed::flies_heading(release, plan.yaw_rad);
     let (stretch, tolerance_m) = (pieces::Stretch::new(plan)?, Form::Compressed.tolerance_m());
-    let bytes = compressed::Compressed::of_any_length(&stretch, tolerance_m)?.to_bytes().len();
-    let pieces = poly4d::Poly4d::fit_any_length(plan, Form::Poly4d.tolerance_m())?.pieces.len();
+    let (compressed, polynomials) = parallel::join(
+        || compressed::Compressed::of_any_length(&stretch, tolerance_m),
+        || poly4d::Poly4d::fit_any_length(plan, Form::Poly4d.tolerance_m()),
+    );
+    let (bytes, pieces) = (compressed?.to_bytes().len(), polynomials?.pieces.len());
     let fits_by_format = [
         (Format::Compressed, flies_heading && bytes <= TRAJECTORY_MEMORY_BYTES),
         (Format::Poly4d, pieces <= poly4d::MAX_PIECES),

@@ -122,10 +122,20 @@ impl Stretch {
 
     /// Returns the position of the design at a time in s since the start of the stretch, m.
     pub(super) fn position_m(&self, time_s: f64) -> Vector3<f64> {
+        self.position_after_m(self.n_until(time_s), time_s)
+    }
+
+    /// Returns the number of setpoints up to a time in s since the start of the stretch.
+    fn n_until(&self, time_s: f64) -> usize {
         let plan_time_s = time_s + self.start_s();
-        let after = self.setpoints.partition_point(|setpoint| setpoint.time_s <= plan_time_s);
-        let setpoint = &self.setpoints[after.saturating_sub(1)];
-        setpoint.design_m(plan_time_s.max(setpoint.time_s))
+        self.setpoints.partition_point(|setpoint| setpoint.time_s <= plan_time_s)
+    }
+
+    /// Returns the position of the design at a time in s since the start of the stretch, m, given
+    /// the number of setpoints up to that time.
+    fn position_after_m(&self, n_until: usize, time_s: f64) -> Vector3<f64> {
+        let setpoint = &self.setpoints[n_until.saturating_sub(1)];
+        setpoint.design_m((time_s + self.start_s()).max(setpoint.time_s))
     }
 
     /// Returns the maximum speed of the design, m/s, and its maximum acceleration, m/s².
@@ -144,7 +154,7 @@ impl Stretch {
             let times_s = (0..).map(f64::from).take_while(|step| *step <= steps);
             let distances_m = times_s.map(|step| {
                 let t = piece.duration_s * step / steps;
-                (piece.evaluate(t)[0] - self.position_m(start_s + t)).norm()
+                (piece.position_m(t) - self.position_m(start_s + t)).norm()
             });
             worst_m = distances_m.fold(worst_m, f64::max);
             start_s += piece.duration_s;
@@ -175,6 +185,22 @@ impl Stretch {
                 .map(f64::from)
                 .take_while(move |check| *check <= n)
                 .map(move |check| start_s + (end_s - start_s) * check / n)
+        })
+    }
+
+    /// Returns the times of [`Self::check_times_s`], each with the position of the design, m.
+    pub(super) fn checks(
+        &self,
+        from: usize,
+        to: usize,
+    ) -> impl Iterator<Item = (f64, Vector3<f64>)> {
+        // Because times ascend, only the first setpoint is searched for.
+        let mut n_until = self.n_until(self.time_s(from));
+        self.check_times_s(from, to).map(move |time_s| {
+            let later = self.setpoints[n_until..].iter();
+            let plan_time_s = time_s + self.start_s();
+            n_until += later.take_while(|setpoint| setpoint.time_s <= plan_time_s).count();
+            (time_s, self.position_after_m(n_until, time_s))
         })
     }
 }
@@ -219,6 +245,11 @@ impl Polynomials {
         });
         let [p, v, a] = [0, 1, 2].map(|k| Vector3::from(axes.map(|axis| axis[k])));
         [p, v, 2.0 * a]
+    }
+
+    /// Returns the position in m of [`Self::evaluate`].
+    pub(super) fn position_m(&self, t: f64) -> Vector3<f64> {
+        Vector3::from(self.axes.map(|c| c.iter().rev().fold(0.0, |p, c| p * t + c)))
     }
 }
 
@@ -318,25 +349,25 @@ struct Fit<'a, P> {
 
 impl<P> Fit<'_, P> {
     /// True if a piece between two setpoints is short enough and close enough to the design.
-    fn is_near(&self, from: usize, to: usize, previous: &[P], rounding: Rounding) -> bool {
-        let motion = (self.motion)(from, to, previous, rounding);
+    fn is_near(&self, from: usize, to: usize, motion: &Polynomials) -> bool {
         let start_s = self.stretch.time_s(from);
         self.stretch.time_s(to) - start_s < self.max_piece_s
-            && self.stretch.check_times_s(from, to).all(|t| {
-                let position_m = motion.evaluate((t - start_s).min(motion.duration_s))[0];
-                (position_m - self.stretch.position_m(t)).norm() <= self.tolerance_m
+            && self.stretch.checks(from, to).all(|(t, design_m)| {
+                let position_m = motion.position_m((t - start_s).min(motion.duration_s));
+                (position_m - design_m).norm() <= self.tolerance_m
             })
     }
 
     /// Returns the last setpoint of the longest piece from `from` that follows the design.
     fn farthest(&self, from: usize, previous: &[P]) -> usize {
         let last = self.stretch.last();
-        gallop(from + 1, last, |to| self.is_near(from, to, previous, Rounding::Nearest))
+        gallop(from + 1, last, |to| {
+            self.is_near(from, to, &(self.motion)(from, to, previous, Rounding::Nearest))
+        })
     }
 
     /// Returns the maximum speed or acceleration of a piece, as a multiple of the design's maximum.
-    fn effort(&self, from: usize, to: usize, previous: &[P], rounding: Rounding) -> f64 {
-        let motion = (self.motion)(from, to, previous, rounding);
+    fn effort(&self, from: usize, to: usize, motion: &Polynomials) -> f64 {
         let [max_m_s, max_m_s2] = self.limits;
         let start_s = self.stretch.time_s(from);
         let times_s = self.stretch.check_times_s(from, to).map(|t| t - start_s);
@@ -363,9 +394,11 @@ impl<P> Fit<'_, P> {
     fn longest(&self, choice: &mut Choice, previous: &[P]) -> Option<usize> {
         let (start, rounding) = (choice.start, Rounding::Nearest);
         choice.untried_ends.rfind(|end| {
-            self.limits[1] == 0.0
-                || self.effort(start, *end, previous, rounding) <= OVER_LIMITS
-                    && self.is_near(start, *end, previous, rounding)
+            self.limits[1] == 0.0 || {
+                let motion = (self.motion)(start, *end, previous, rounding);
+                self.effort(start, *end, &motion) <= OVER_LIMITS
+                    && self.is_near(start, *end, &motion)
+            }
         })
     }
 
@@ -382,12 +415,12 @@ impl<P> Fit<'_, P> {
     fn gentlest(&self, from: usize, previous: &[P]) -> Option<(usize, Rounding)> {
         let candidates = (from + 1..=self.farthest(from, previous))
             .flat_map(|to| [Rounding::Nearest, Rounding::Gentlest].map(|rounding| (to, rounding)));
-        let allowed = candidates.filter(|(to, rounding)| {
-            (*to, *rounding) == (from + 1, Rounding::Nearest)
-                || self.is_near(from, *to, previous, *rounding)
+        let efforts = candidates.filter_map(|(to, rounding)| {
+            let motion = (self.motion)(from, to, previous, rounding);
+            let is_allowed =
+                (to, rounding) == (from + 1, Rounding::Nearest) || self.is_near(from, to, &motion);
+            is_allowed.then(|| ((to, rounding), self.effort(from, to, &motion)))
         });
-        let efforts = allowed
-            .map(|(to, rounding)| ((to, rounding), self.effort(from, to, previous, rounding)));
         efforts.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(candidate, _)| candidate)
     }
 }

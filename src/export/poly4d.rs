@@ -110,7 +110,7 @@ impl Poly4d {
     /// Returns the first and the last position, m.
     pub(super) fn ends_m(&self) -> [Vector3<f64>; 2] {
         let (first, last) = (&self.pieces[0], &self.pieces[self.pieces.len() - 1]);
-        [first.evaluate(0.0)[0], last.evaluate(last.duration_s)[0]]
+        [first.position_m(0.0), last.position_m(last.duration_s)]
     }
 
     /// Returns the bytes that the drone stores: 33 numbers of four bytes for each piece, which are
@@ -163,13 +163,13 @@ fn fit(stretch: &Stretch, from: usize, to: usize) -> Polynomials {
     let mut piece = Polynomials { duration_s, axes: quintics };
     // The residuals are fitted by normal equations, whose matrix is the same for all axes.
     let (mut normal_matrix, mut right_sides) = (Matrix2::zeros(), [Vector2::zeros(); 3]);
-    for time_s in stretch.check_times_s(from, to) {
+    for (time_s, design_m) in stretch.checks(from, to) {
         let t = time_s - stretch.time_s(from);
         // Both basis functions, scaled to about 1, and two derivatives vanish at both ends.
         let (s, rest) = (t / duration_s, 1.0 - t / duration_s);
         let bump = 64.0 * s * s * s * rest * rest * rest;
         let row = Vector2::new(bump, bump * (2.0 * s - 1.0));
-        let residual_m = stretch.position_m(time_s) - piece.evaluate(t)[0];
+        let residual_m = design_m - piece.position_m(t);
         normal_matrix += row * row.transpose();
         for axis in 0..3 {
             right_sides[axis] += row * residual_m[axis];

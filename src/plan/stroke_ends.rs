@@ -8,9 +8,10 @@ use nalgebra::Vector3;
 use super::Plan;
 use super::lamp::LampTiming;
 use super::light_letters::stretches;
-use crate::tracking::{Part, designed};
+use crate::tracking::{DesignPath, Part, no_design};
 use noctograph_core::error::Result;
 use noctograph_core::flight::{Flight, FlightSample};
+use noctograph_core::parallel::prelude::*;
 
 /// Error of the light at one end of a stroke.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -86,21 +87,22 @@ impl<'a> Aligned<'a> {
     /// Measures a flight's lag and mean error over the samples within letters. Returns an error
     /// without samples or a design.
     pub(super) fn new(flight: &'a Flight) -> Result<Self> {
-        designed(flight, Part::Letters)?;
+        let writing = Part::Letters.selected(flight)?;
+        DesignPath::exists(flight).ok_or_else(no_design)?;
         let mut aligned = Self { samples: &flight.samples, lag_s: 0.0, offset_m: Vector3::zeros() };
-        let writing: Vec<&FlightSample> =
-            flight.samples.iter().filter(|sample| sample.letter.is_some()).collect();
         let (stride, mut offset_m) = (writing.len().div_ceil(MAX_SAMPLES), Vector3::zeros());
         // The lag with the least variance is found in steps of 25 ms, and around it in steps of 1
         // ms.
         for (first, last, step_s) in [(-5, 60, 0.025), (-25, 25, 0.001)] {
             let lags_s = (first..=last).map(|step| aligned.lag_s + f64::from(step) * step_s);
-            let fits = lags_s.map(|lag_s| {
+            let lags_s: Vec<f64> = lags_s.collect();
+            let fits = lags_s.into_par_iter().map(|lag_s| {
                 let sampled = writing.iter().step_by(stride).copied();
                 let (mean_m, variance_m2) = aligned.offset_and_variance(sampled, lag_s);
                 (variance_m2, lag_s, mean_m)
             });
-            let best = fits.min_by(|a, b| a.0.total_cmp(&b.0)).expect("a lag at least");
+            let fits: Vec<_> = fits.collect();
+            let best = fits.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).expect("a lag at least");
             (aligned.lag_s, offset_m) = (best.1, best.2);
         }
         aligned.offset_m = offset_m;

@@ -32,7 +32,7 @@ const TASK_PAGES: usize = 128;
 /// parallel. Returns the counts of red, green and blue, one plane after another.
 pub(super) fn splat(n_bands: u64, latent: &Latent) -> Vec<u32> {
     let [width, height] = latent.size_px.map(|px| px as usize);
-    let mut counts = dark_counts(latent);
+    let mut counts = dark_counts(latent, height);
     // Gives each band its rows of the three planes.
     let ends = ends_of_bands(&latent.tints, latent.size_px, n_bands);
     let mut remaining: Vec<&mut [u32]> = counts.chunks_exact_mut(width * height).collect();
@@ -49,15 +49,16 @@ pub(super) fn splat(n_bands: u64, latent: &Latent) -> Vec<u32> {
     counts
 }
 
-/// Returns the counts of red, green and blue without light, one plane after another.
-pub(super) fn dark_counts(latent: &Latent) -> Vec<u32> {
+/// Returns the counts of red, green and blue without light, one plane after another. From row
+/// `first_row` or the first row of the glow on, their memory is mapped.
+pub(super) fn dark_counts(latent: &Latent, first_row: usize) -> Vec<u32> {
     let [width, height] = latent.size_px.map(|px| px as usize);
     let mut counts = vec![0_u32; 3 * width * height];
-    // Writes to each page of the glow once, because a page that is read before it is written is
-    // mapped twice.
-    let glow_start = latent.glow.as_ref().map_or(height, Glow::top_px) * width;
+    // Writes to each page once, because a page that is read before it is written is mapped twice.
+    let glow_row = latent.glow.as_ref().map_or(height, Glow::top_px);
+    let first = glow_row.min(first_row) * width;
     for plane in counts.chunks_exact_mut(width * height) {
-        let pages = plane[glow_start..].par_chunks_mut(PAGE).with_min_len(TASK_PAGES);
+        let pages = plane[first..].par_chunks_mut(PAGE).with_min_len(TASK_PAGES);
         pages.for_each(|page| page[0] = black_box(0));
     }
     counts

@@ -8,12 +8,13 @@ use std::sync::{Arc, Mutex};
 use noctograph_core::parallel::prelude::*;
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
-use super::Latent;
 use super::cpu::dark_counts;
 use super::gpu_tiles::{Chunk, LitTile, Part, TILE_PX, chunks, fits_one_chunk, lit_tiles};
 use super::record::SPOTS;
 use super::tile;
+use super::{FilmData, Latent};
 use noctograph_core::error::{Error, Result};
+use noctograph_core::parallel;
 
 pub(super) const SHADER: &str = include_str!("../../../shaders/splat.wgsl");
 
@@ -27,7 +28,8 @@ const MAX_TILES: u64 = 4096;
 /// The part of the work on an image that needs no device, and is done while one is opened.
 #[derive(Debug)]
 pub(super) struct Prepared {
-    counts: Vec<u32>,
+    /// The film with the glow of the room, to which the light of the lamps is added.
+    film: FilmData,
     lit: Vec<LitTile>,
     /// The records as a single chunk, or `None` if they are too many for one.
     chunk: Option<Chunk>,
@@ -37,11 +39,18 @@ impl Prepared {
     /// Prepares the work on an image.
     pub(super) fn new(latent: &Latent) -> Self {
         let lit = lit_tiles(latent);
-        let mut chunk = None;
-        if lit.len() as u64 <= MAX_TILES && fits_one_chunk(latent) {
-            chunks(latent, &lit, |only| chunk = Some(std::mem::take(only)));
-        }
-        Self { counts: dark_counts(latent), lit, chunk }
+        let first_row = lit.iter().map(|tile| tile.row).min().unwrap_or(0) * TILE_PX as usize;
+        let (film, chunk) = parallel::join(
+            || latent.with_glow(dark_counts(latent, first_row)),
+            || {
+                let mut chunk = None;
+                if lit.len() as u64 <= MAX_TILES && fits_one_chunk(latent) {
+                    chunks(latent, &lit, |only| chunk = Some(std::mem::take(only)));
+                }
+                chunk
+            },
+        );
+        Self { film, lit, chunk }
     }
 }
 
@@ -109,7 +118,7 @@ impl Gpu {
         let gpu = Self::open()?;
         let part = Part { shift: 1, ..bytemuck::Zeroable::zeroed() };
         let tiles = gpu.dark_tiles(1);
-        gpu.dispatch(&mut Chunk { parts: vec![(0, part)], curves: vec![[0; SPOTS]] }, &tiles);
+        gpu.dispatch(&Chunk::of_part(part, [0; SPOTS]), &tiles);
         gpu.read(&tiles, 1, |_| ())?;
         Ok(gpu)
     }
@@ -119,10 +128,10 @@ impl Gpu {
         self.pipeline = pipeline(&self.device, shader);
     }
 
-    /// Adds up the light of a latent image. Returns the counts of red, green and blue, one plane
-    /// after another. Returns [`Error::Gpu`] if the device fails.
-    pub(super) fn splat(&self, latent: &Latent, prepared: Prepared) -> Result<Vec<u32>> {
-        let Prepared { mut counts, lit, mut chunk } = prepared;
+    /// Adds up the light of a latent image, and returns its film. Returns [`Error::Gpu`] if the
+    /// device fails.
+    pub(super) fn splat(&self, latent: &Latent, prepared: Prepared) -> Result<FilmData> {
+        let Prepared { mut film, lit, mut chunk } = prepared;
         let max_tiles = (self.max_tiles_bytes / TILE_BYTES).min(MAX_TILES) as usize;
         if max_tiles == 0 {
             return Err(self.fail("a tile is too large for this device"));
@@ -130,15 +139,15 @@ impl Gpu {
         // Sums the light of all colors on the device, and then adds the counts to the film. The
         // device is waited for once, unless the tiles exceed a buffer.
         let is_single = lit.len() <= max_tiles;
-        for (index, lit) in lit.chunks(max_tiles).enumerate() {
+        for lit in lit.chunks(max_tiles) {
             let tiles = self.dark_tiles(lit.len());
             match chunk.take().filter(|_| is_single) {
-                Some(mut chunk) => self.dispatch(&mut chunk, &tiles),
+                Some(chunk) => self.dispatch(&chunk, &tiles),
                 None => chunks(latent, lit, |chunk| self.dispatch(chunk, &tiles)),
             }
-            self.read(&tiles, lit.len(), |light| add(light, lit, latent, &mut counts, index == 0))?;
+            self.read(&tiles, lit.len(), |light| add(light, lit, latent, &mut film.counts))?;
         }
-        Ok(counts)
+        Ok(film)
     }
 
     /// Creates a buffer with `n` dark tiles on the device.
@@ -168,9 +177,12 @@ impl Gpu {
         out
     }
 
-    /// Creates a buffer with the given contents on the device.
+    /// Creates a buffer with the given contents on the device. A software driver's buffer is filled
+    /// without a copy.
     fn filled(&self, label: &str, contents: &[u8]) -> wgpu::Buffer {
-        let usage = wgpu::BufferUsages::STORAGE;
+        let mapped = wgpu::BufferUsages::MAP_WRITE;
+        let way_in = if self.is_processor { mapped } else { wgpu::BufferUsages::empty() };
+        let usage = wgpu::BufferUsages::STORAGE | way_in;
         self.device.create_buffer_init(&BufferInitDescriptor {
             label: Some(label),
             contents,
@@ -179,13 +191,12 @@ impl Gpu {
     }
 
     /// Submits the work that adds a chunk to the tiles.
-    fn dispatch(&self, chunk: &mut Chunk, tiles: &wgpu::Buffer) {
-        let (rounds, parts) = chunk.by_tile();
-        let parts = self.filled("records", bytemuck::cast_slice(&parts));
+    fn dispatch(&self, chunk: &Chunk, tiles: &wgpu::Buffer) {
+        let parts = self.filled("records", bytemuck::cast_slice(&chunk.sorted));
         let curves = self.filled("curves", bytemuck::cast_slice(&chunk.curves));
         let mut encoder = self.device.create_command_encoder(&Default::default());
         // Each pass waits for the previous one, so that no two workgroups add to the same tile.
-        for lists in &rounds {
+        for lists in &chunk.rounds {
             let on_device = self.filled("lists", bytemuck::cast_slice(lists));
             let entries = [(0, &on_device), (1, &parts), (2, &curves), (3, tiles)];
             let entries = entries.map(|(binding, buffer)| wgpu::BindGroupEntry {
@@ -232,9 +243,9 @@ impl Gpu {
     }
 }
 
-/// Adds the light of tiles to the counts of three planes, which are dark if `is_dark` is true. The
-/// rows of tiles are processed in parallel.
-fn add(light: &[u32], lit: &[LitTile], latent: &Latent, counts: &mut [u32], is_dark: bool) {
+/// Adds the light of tiles to the counts of three planes. The rows of tiles are processed in
+/// parallel.
+fn add(light: &[u32], lit: &[LitTile], latent: &Latent, counts: &mut [u32]) {
     let [width, height] = latent.size_px.map(|px| px as usize);
     let size = TILE_PX as usize;
     let (red, others) = counts.split_at_mut(width * height);
@@ -244,15 +255,11 @@ fn add(light: &[u32], lit: &[LitTile], latent: &Latent, counts: &mut [u32], is_d
     rows.for_each(|(row, (red, green, blue))| {
         let mut planes = [red, green, blue];
         let n_rows = size.min(height - row * size);
-        let mut is_dark = vec![is_dark; width.div_ceil(size)];
         let tiles = lit.iter().zip(light.chunks_exact(size * size));
         for (tile, light) in tiles.filter(|(tile, _)| tile.row == row) {
             let fractions = latent.tints[tile.tint].fractions;
             let x = tile.column * size;
             let inside = [size.min(width - x), n_rows];
-            if std::mem::take(&mut is_dark[tile.column]) {
-                tile::touch_lit(&mut planes, fractions, [width, x], inside);
-            }
             tile::count(light, [size, 0], fractions, &mut planes, [width, x], inside);
         }
     });

@@ -37,8 +37,13 @@ pub(super) struct Part {
 #[derive(Debug, Default)]
 pub(super) struct Chunk {
     /// The parts, each with the index of its tile among the lit tiles.
-    pub(super) parts: Vec<(usize, Part)>,
+    parts: Vec<(usize, Part)>,
     pub(super) curves: Vec<[u32; SPOTS]>,
+    /// Rounds of the device, each with the range of sorted parts of each tile. No tile has more
+    /// than [`MAX_ITERATIONS`] in one round.
+    pub(super) rounds: Vec<Vec<[u32; 2]>>,
+    /// The parts, tile by tile.
+    pub(super) sorted: Vec<Part>,
 }
 
 /// A tile that the records of a color touch.
@@ -119,6 +124,7 @@ pub(super) fn chunks(latent: &Latent, lit: &[LitTile], mut send: impl FnMut(&mut
             }
             // The device processes this chunk while the next one is drawn.
             if chunk.curves.len() > CHUNK {
+                chunk.sort();
                 send(&mut chunk);
                 chunk.parts.clear();
                 chunk.curves.clear();
@@ -126,6 +132,7 @@ pub(super) fn chunks(latent: &Latent, lit: &[LitTile], mut send: impl FnMut(&mut
         }
     }
     if !chunk.parts.is_empty() {
+        chunk.sort();
         send(&mut chunk);
     }
 }
@@ -180,9 +187,15 @@ impl Chunk {
         [first, first + width].map(|first| u32::try_from(first).unwrap_or(u32::MAX))
     }
 
-    /// Sorts the parts by tile. Returns the rounds of the device, each with the range of parts of
-    /// each tile, and the parts. No tile has more than [`MAX_ITERATIONS`] in one round.
-    pub(super) fn by_tile(&mut self) -> (Vec<Vec<[u32; 2]>>, Vec<Part>) {
+    /// Creates the chunk of one part on the first tile.
+    pub(super) fn of_part(part: Part, curve: [u32; SPOTS]) -> Self {
+        let mut chunk = Self { parts: vec![(0, part)], curves: vec![curve], ..Self::default() };
+        chunk.sort();
+        chunk
+    }
+
+    /// Sorts the parts by tile, and divides them into rounds.
+    fn sort(&mut self) {
         self.parts.sort_by_key(|&(slot, _)| slot);
         let (mut rounds, mut end): (Vec<Vec<[u32; 2]>>, _) = (Vec::new(), 0);
         for tile in self.parts.chunk_by(|a, b| a.0 == b.0) {
@@ -202,7 +215,8 @@ impl Chunk {
                 }
             }
         }
-        (rounds, self.parts.iter().map(|&(_, part)| part).collect())
+        self.rounds = rounds;
+        self.sorted = self.parts.iter().map(|&(_, part)| part).collect();
     }
 }
 

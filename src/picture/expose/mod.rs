@@ -48,7 +48,7 @@ mod texture;
 mod tile;
 
 use std::num::NonZero;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
 use crate::light::LightTrace;
@@ -257,7 +257,7 @@ impl Latent {
     fn on_gpu(&self, gpu: &Gpu, prepared: Option<Prepared>) -> Result<Exposure> {
         let prepared = prepared.unwrap_or_else(|| Prepared::new(self));
         Ok(Exposure {
-            film: self.film(gpu.splat(self, prepared)?),
+            film: Film::made(gpu.splat(self, prepared)?),
             backend: Backend::Wgpu,
             adapter: gpu.adapter.clone(),
         })
@@ -275,18 +275,23 @@ impl Latent {
     /// Returns a film with the counts of the lamps, red, green and blue one after another, and the
     /// glow of the room.
     fn film(&self, counts: Vec<u32>) -> Film {
+        Film::made(self.with_glow(counts))
+    }
+
+    /// Returns the data of [`Self::film`].
+    fn with_glow(&self, counts: Vec<u32>) -> FilmData {
         let [width_px, height_px] = self.size_px;
         let mut film = FilmData { width_px, height_px, counts, scale_log2: self.scale_log2 };
         if let Some(glow) = &self.glow {
             glow.add_to(&mut film);
         }
-        Film::made(film)
+        film
     }
 }
 
 /// A backend that starts in the background, because opening a graphics device and compiling its
-/// shader take longer than exposing a film. All clones have the same device, which is closed when
-/// the last of them is dropped.
+/// shader take longer than exposing a film. All clones have the same device. When the last of them
+/// is dropped, the device is kept for the next backend of this process.
 #[derive(Clone, Debug)]
 pub struct Developer {
     choice: BackendChoice,
@@ -306,11 +311,10 @@ impl Developer {
     /// Starts the backend in a separate thread. The processor needs no preparation.
     #[must_use]
     pub fn start(choice: BackendChoice) -> Self {
-        let opening = match choice {
-            BackendChoice::Cpu => None,
-            _ => std::thread::Builder::new().spawn(Gpu::ready).ok(),
-        };
-        Self { choice, device: Arc::new(Mutex::new(Device { opening, gpu: None })) }
+        let gpu = if choice == BackendChoice::Cpu { None } else { kept().take() };
+        let opens = choice != BackendChoice::Cpu && gpu.is_none();
+        let opening = opens.then(|| std::thread::Builder::new().spawn(Gpu::ready).ok()).flatten();
+        Self { choice, device: Arc::new(Mutex::new(Device { opening, gpu })) }
     }
 
     /// Adds up the light of an image as soon as the backend is ready. With [`BackendChoice::Auto`]
@@ -352,11 +356,19 @@ pub fn try_device() -> Result<String> {
 
 impl Drop for Device {
     /// Waits for the device, because a driver that is still compiling may crash an exiting program.
+    /// A device that works is kept, because closing one takes milliseconds.
     fn drop(&mut self) {
-        if let Some(opening) = self.opening.take() {
-            drop(opening.join());
+        let opened = self.opening.take().and_then(|opening| opening.join().ok()?.ok());
+        if let Some(gpu) = self.gpu.take().or(opened) {
+            *kept() = Some(gpu);
         }
     }
+}
+
+/// Returns the device that is kept for the next backend, if any.
+fn kept() -> MutexGuard<'static, Option<Gpu>> {
+    static KEPT: Mutex<Option<Gpu>> = Mutex::new(None);
+    KEPT.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Returns [`Error::Input`] if the camera or an option is out of range, or if a trace is too long.

@@ -1,6 +1,6 @@
 //! Replaces the graphics device in a build without the feature `gpu`, where every call fails.
 
-use super::Latent;
+use super::{FilmData, Latent};
 use noctograph_core::error::{Error, Result};
 
 /// A graphics device that can never be opened.
@@ -27,7 +27,7 @@ impl Gpu {
     }
 
     /// Returns the error for a missing device.
-    pub(super) fn splat(&self, _: &Latent, _: Prepared) -> Result<Vec<u32>> {
+    pub(super) fn splat(&self, _: &Latent, _: Prepared) -> Result<FilmData> {
         Err(driver_panicked())
     }
 }

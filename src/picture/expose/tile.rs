@@ -91,12 +91,7 @@ fn touch(counts: &mut [u32], [stride, first]: [usize; 2], [columns, rows]: [usiz
 }
 
 /// Prepares the dark rows of the planes to which light is added for the first time.
-pub(super) fn touch_lit(
-    planes: &mut [&mut [u32]],
-    fractions: [u32; 3],
-    from: [usize; 2],
-    size: [usize; 2],
-) {
+fn touch_lit(planes: &mut [&mut [u32]], fractions: [u32; 3], from: [usize; 2], size: [usize; 2]) {
     let lit = planes.iter_mut().zip(fractions).filter(|(_, fraction)| *fraction > 0);
     lit.for_each(|(plane, _)| touch(plane, from, size));
 }

@@ -11,6 +11,7 @@ use noctograph_core::diagnostic::{Diagnostic, Severity};
 use noctograph_core::digest::sha256;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::{DroneIndex, Flight};
+use noctograph_core::parallel::prelude::*;
 use noctograph_export::safety::{Battery, Checks, Platform};
 use noctograph_letters::Strokes;
 use noctograph_plan::{Approach, Style};
@@ -120,26 +121,36 @@ pub fn preflight_flights(
     profile: &Profile,
 ) -> Result<Preflight> {
     // First the design is checked: letters, plans, their distance from people and objects, and the
-    // drones' memories. In parallel, the picture is computed.
+    // drones' memories. In parallel, the picture is computed, and each flight is checked in it.
     let paths = Paths::new(shoot, flown.iter().flatten());
-    let (picture, (mut findings, memories)) = noctograph_core::parallel::join(
-        || Picture::new(shoot, &flown),
+    let ((picture, checked), (mut findings, memories)) = noctograph_core::parallel::join(
+        || {
+            let picture = Picture::new(shoot, &flown);
+            let flights = flown.par_iter().enumerate();
+            let checked = flights.map(|(drone, flight)| {
+                let flight = flight.as_ref().ok();
+                flight.map(|flight| check_flight(shoot, drone, flight, picture.as_ref(), profile))
+            });
+            let checked: Vec<_> = checked.collect();
+            (picture, checked)
+        },
         || {
             let mut findings = check_design(shoot, profile, &paths);
             findings.extend(check_downwash(shoot, &flown));
-            let drones = 0..shoot.plans.len();
-            let memories =
-                drones.map(|drone| [check_memory(shoot, drone), check_led_memory(shoot, drone)]);
+            let memories = (0..shoot.plans.len())
+                .into_par_iter()
+                .map(|drone| [check_memory(shoot, drone), check_led_memory(shoot, drone)]);
             (findings, memories.collect::<Vec<_>>())
         },
     );
-    // Then each drone is checked: its memories, its flight, and its view of the base stations.
-    for (drone, (flight, memories)) in flown.into_iter().zip(memories).enumerate() {
+    // The findings about each drone are on its memories, its flight and its view of the base
+    // stations.
+    let drones = flown.into_iter().zip(checked).zip(memories);
+    for (drone, ((flight, checked), memories)) in drones.enumerate() {
         let mut checks = Vec::from(memories);
+        checks.extend(checked.transpose()?.into_iter().flatten());
         match flight {
-            Ok(flight) => {
-                checks.extend(check_flight(shoot, drone, &flight, picture.as_ref(), profile)?);
-            }
+            Ok(_) => {}
             Err(Error::Infeasible { what, .. }) => {
                 let row = Diagnostic::check("flight", Severity::Stop, None).detailed(what.as_str());
                 let advice = "follow the message, or tune the controller";

@@ -128,7 +128,7 @@ impl Shoot {
     pub(super) fn expose(
         self,
         lighting: Lighting,
-        add_up: impl FnOnce(Latent) -> Result<Exposure>,
+        add_up: impl FnOnce(Latent) -> Result<Exposure> + Send,
         reader: Option<&Reader>,
     ) -> Result<Shot> {
         let Lighting { flights, trace, camera, metered, mut problems, .. } = lighting;
@@ -139,17 +139,22 @@ impl Shoot {
         }
         let latent = project(&trace, &camera, &scene.expose)?;
         let latent = latent.reflected_by(reflectance(&camera, &scene.photo)?);
-        let Exposure { film, backend, adapter } = add_up(latent)?;
+        // The scene's text is written while a graphics device opens.
+        let (exposure, scene_toml) =
+            parallel::join(|| add_up(latent), || self.format.map(|_| scene.portable().to_toml()));
+        let Exposure { film, backend, adapter } = exposure?;
         let mut photo = develop(&film, &camera, &scene.expose, &scene.photo, scene.seed)?;
         let is_read_out = matches!(self.format, Some(Format::Png16 | Format::Exr));
-        let film = Some(film).filter(|_| self.keeps_film || is_read_out);
+        let (film, unused) =
+            if self.keeps_film || is_read_out { (Some(film), None) } else { (None, Some(film)) };
         self.stop.check()?;
-        photo.edit(|photo| photo.scene_toml = self.format.map(|_| scene.portable().to_toml()));
+        photo.edit(|photo| photo.scene_toml = scene_toml);
         // 2. Reading, encoding and the search for problems run in parallel.
         let (digests, tracking) = (OnceLock::new(), OnceLock::new());
         let (read, (file, exposed)) = parallel::join(
             || self.read(reader, &photo, &camera, &flights, &tracking),
             || {
+                drop(unused);
                 parallel::join(
                     || self.encoded(&photo, film.as_ref(), &camera, &flights, &digests),
                     || problems::exposure_obstacle(&photo, &camera),

@@ -189,11 +189,14 @@ fn after_lag(samples: &[FlightSample], design: &DesignPath) -> (f64, Vector3<f64
 /// if either is missing.
 pub fn designed(flight: &Flight, part: Part) -> Result<(Vec<FlightSample>, DesignPath)> {
     let samples = part.samples(flight)?;
-    let design = DesignPath::new(flight).ok_or_else(|| {
-        let hint = "import a log with setpoints, or compare the flight with another flight";
-        Error::input("flight", "no design position", "columns x_design_m … z_design_m", hint)
-    })?;
+    let design = DesignPath::new(flight).ok_or_else(no_design)?;
     Ok((samples, design))
+}
+
+/// Returns the error for a flight without a design.
+pub(crate) fn no_design() -> Error {
+    let hint = "import a log with setpoints, or compare the flight with another flight";
+    Error::input("flight", "no design position", "columns x_design_m … z_design_m", hint)
 }
 
 /// Returns statistics in m of the distances from the samples to the design's path around their

@@ -31,21 +31,28 @@ impl Part {
     ///
     /// Returns [`Error::Input`] if there are none, or if they have no position.
     pub fn samples(self, flight: &Flight) -> Result<Vec<FlightSample>> {
+        Ok(self.selected(flight)?.into_iter().copied().collect())
+    }
+
+    /// Returns references to the samples of [`Self::samples`], and its errors.
+    pub(crate) fn selected(self, flight: &Flight) -> Result<Vec<&FlightSample>> {
         if !flight.has(Quantity::Position) {
             let hint = "import a log with positions (mocap, Lighthouse or an estimator)";
             return Err(Error::input("flight", "no position", "columns x_m, y_m, z_m", hint));
         }
         // Each part has its samples, and a problem and a remedy for the case that there are none.
         let samples = &flight.samples;
-        let (samples, actual, hint) = match self {
-            Self::All => (samples.clone(), "no sample", "name a file that contains a flight"),
+        let (samples, actual, hint): (Vec<_>, _, _) = match self {
+            Self::All => {
+                (samples.iter().collect(), "no sample", "name a file that contains a flight")
+            }
             Self::Letters => (
-                samples.iter().filter(|sample| sample.letter.is_some()).copied().collect(),
+                samples.iter().filter(|sample| sample.letter.is_some()).collect(),
                 "no sample is part of a letter",
                 "compare the airborne part instead",
             ),
             Self::Airborne => (
-                samples[airborne(flight).unwrap_or_default()].to_vec(),
+                samples[airborne(flight).unwrap_or_default()].iter().collect(),
                 "no sample in the air",
                 "compare all samples instead",
             ),

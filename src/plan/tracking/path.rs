@@ -125,12 +125,17 @@ struct Corner {
 }
 
 impl DesignPath {
-    /// Creates the path of a flight's design. Returns `None` without samples, and for a design that
-    /// is zero throughout, as in a log without setpoints.
+    /// Creates the path of a flight's design. Returns `None` for a flight without one.
     pub fn new(flight: &Flight) -> Option<Self> {
-        let designed = flight.samples.iter().any(|sample| sample.design_m != Vector3::zeros());
         let corners = flight.samples.iter().map(|sample| (sample.time_s, sample.design_m));
-        designed.then(|| Self::through(corners))
+        Self::exists(flight).map(|()| Self::through(corners))
+    }
+
+    /// Returns `None` for a flight without samples, or with a design that is zero throughout, as in
+    /// a log without setpoints.
+    pub(crate) fn exists(flight: &Flight) -> Option<()> {
+        let mut samples = flight.samples.iter();
+        samples.any(|sample| sample.design_m != Vector3::zeros()).then_some(())
     }
 
     /// Creates the path through at least one point, given in chronological order.

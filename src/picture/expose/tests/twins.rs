@@ -25,7 +25,12 @@ fn device() -> Option<Gpu> {
 
 /// Returns the counts of an image that a device adds up.
 fn splat(gpu: &Gpu, latent: &Latent) -> Result<Vec<u32>> {
-    gpu.splat(latent, Prepared::new(latent))
+    Ok(gpu.splat(latent, Prepared::new(latent))?.counts)
+}
+
+/// Returns the counts of an image that the processor adds up.
+fn by_processor(latent: &Latent) -> Vec<u32> {
+    latent.with_glow(cpu::splat(2, latent)).counts
 }
 
 #[test]
@@ -33,7 +38,7 @@ fn both_backends_leave_the_same_bits() {
     let Some(gpu) = device() else { return };
     for (name, latent) in scenes() {
         let on_gpu = splat(&gpu, &latent).expect("splat");
-        let on_cpu = cpu::splat(2, &latent);
+        let on_cpu = by_processor(&latent);
         let lit = on_cpu.iter().filter(|&&count| count > 0).count();
         assert!(latent.tints.is_empty() || lit > 100, "{name}: {lit} counts are lit");
         let differ = on_cpu.iter().zip(&on_gpu).filter(|(a, b)| a != b).count();
@@ -48,7 +53,7 @@ fn sheets_of_few_tiles_leave_the_same_bits_as_one() {
     gpu.max_tiles_bytes = 7 * tile_bytes;
     for (name, latent) in scenes() {
         let on_gpu = splat(&gpu, &latent).expect("splat");
-        assert!(on_gpu == cpu::splat(2, &latent), "{name}: sheets differ");
+        assert!(on_gpu == by_processor(&latent), "{name}: sheets differ");
     }
     gpu.max_tiles_bytes = tile_bytes - 1;
     let refused = splat(&gpu, &scenes()[5].1).expect_err("not even a tile fits");
@@ -66,7 +71,7 @@ fn more_records_than_one_dispatch_holds_are_all_exposed() {
     let column = Record { x: 1 - dim.width.cast_signed(), ..dim };
     for record in [dim, row, column] {
         hover.tints[0].records = vec![record; 40_000];
-        let on_cpu = cpu::splat(2, &hover);
+        let on_cpu = by_processor(&hover);
         assert!(on_cpu.iter().any(|&count| count > 1 << 12), "there is light");
         assert!(splat(&gpu, &hover).expect("splat") == on_cpu, "counts of {record:?} differ");
     }
@@ -101,7 +106,7 @@ fn every_mutation_of_the_shader_is_noticed() {
         gpu.load(&mutant);
         let noticed = scenes
             .iter()
-            .any(|(_, latent)| splat(&gpu, latent).expect("splat") != cpu::splat(2, latent));
+            .any(|(_, latent)| splat(&gpu, latent).expect("splat") != by_processor(latent));
         assert!(noticed, "`{to}` for `{from}` went unnoticed");
     }
 }
