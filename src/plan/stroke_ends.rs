@@ -91,8 +91,8 @@ impl<'a> Aligned<'a> {
         let writing: Vec<&FlightSample> =
             flight.samples.iter().filter(|sample| sample.letter.is_some()).collect();
         let (stride, mut offset_m) = (writing.len().div_ceil(MAX_SAMPLES), Vector3::zeros());
-        // The lag with the least variance is found in steps of 25 ms, and around it in steps of 1
-        // ms.
+        // The lag with the least variance is found in steps of 25 ms from -0.125 s to 1.5 s, and
+        // around it in steps of 1 ms.
         for (first, last, step_s) in [(-5, 60, 0.025), (-25, 25, 0.001)] {
             let lags_s = (first..=last).map(|step| aligned.lag_s + f64::from(step) * step_s);
             let fits = lags_s.map(|lag_s| {
