@@ -240,7 +240,8 @@ impl fmt::Display for Diagnostic {
 
 impl Serialize for Diagnostic {
     /// Serializes a finding as JSON with `check`, `severity`, `found`, `wanted`, its figures, and
-    /// `drone` if there are several drones. `value` and `limit` are always present.
+    /// `drone` if there are several drones. `value` and `limit` are always present, and are null
+    /// and 0 if the check has none.
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         let mut map = to.serialize_map(None)?;
         // Members that are always present are written first, then other figures and texts.

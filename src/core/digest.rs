@@ -85,7 +85,8 @@ pub fn sha256(bytes: &[u8]) -> String {
     digest.hex()
 }
 
-/// Returns the HMAC-SHA-256 (RFC 2104) of a message, with a key of at most 64 bytes.
+/// Returns the HMAC-SHA-256 (RFC 2104) of a message, with a key of at most 64 bytes (RFC 2104
+/// hashes a longer key first).
 pub fn hmac_sha256(key: &[u8], message: impl IntoIterator<Item = u8>) -> [u8; 32] {
     // As in RFC 2104, the key is XORed with a block of outer padding and a block of inner padding.
     const OPAD: u8 = 0x5c;

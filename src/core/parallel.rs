@@ -1,7 +1,7 @@
 //! Parallel iterators: those of rayon or, in a page, which has one thread, those of the standard
 //! library under the same names.
 //!
-//! Rayon without threads would be a fiftieth of the page's module.
+//! Even without threads, rayon would take up a fiftieth of the page's module.
 
 #[cfg(target_family = "wasm")]
 pub use one_thread::*;
@@ -74,7 +74,7 @@ pub mod one_thread {
                 self
             }
 
-            /// Maps each value, with scratch memory that is made once.
+            /// Maps each value, with scratch memory that is created only once.
             fn map_init<S, R>(
                 self,
                 scratch: impl Fn() -> S,
@@ -84,7 +84,7 @@ pub mod one_thread {
                 self.map(move |value| map(&mut scratch, value))
             }
 
-            /// Calls a function for each value, with scratch memory that is made once.
+            /// Calls a function for each value, with scratch memory that is created only once.
             fn for_each_init<S>(
                 self,
                 scratch: impl Fn() -> S,

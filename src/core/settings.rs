@@ -146,7 +146,7 @@ pub fn joined(path: &str, key: &str) -> String {
 pub fn paths(settings: &[Setting]) -> BTreeSet<String> {
     let mut keys = BTreeSet::new();
     for Setting { key, shape, .. } in settings {
-        // The keys of the table below are added first, followed by the setting's key.
+        // The keys within the setting are added first, followed by the setting's key.
         let below = match shape {
             Shape::Group(settings) => paths(settings),
             Shape::Tagged(kinds) => kinds.iter().flat_map(|kind| paths(kind.settings)).collect(),
@@ -179,7 +179,8 @@ pub fn suggestion<'a>(
 /// Returns the candidate with the smallest edit distance from an unknown name, or `None` if that
 /// distance is greater than a quarter of the candidate's length plus one.
 pub fn similar<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    // Because the edit distance is at least the difference in length, a very long name is skipped.
+    // The edit distance is at least the difference in length, so a much longer name is not
+    // compared.
     let n_letters = name.chars().count();
     let distances = candidates.into_iter().filter_map(|candidate| {
         let max_distance = 1 + candidate.len() / 4;

@@ -20,11 +20,11 @@ pub fn median<T: Copy + PartialOrd>(values: impl IntoIterator<Item = T>) -> Opti
 /// total. Returns `None` without pairs.
 pub fn weighted_quantile(pairs: &mut [(f64, f64)], fraction: f64) -> Option<f64> {
     sort_by_number(pairs, |pair| pair.0);
-    let wanted = fraction * pairs.iter().map(|(_, weight)| weight).sum::<f64>();
+    let threshold = fraction * pairs.iter().map(|(_, weight)| weight).sum::<f64>();
     let mut cumulative = 0.0;
     for (value, weight) in pairs {
         cumulative += *weight;
-        if cumulative >= wanted {
+        if cumulative >= threshold {
             return Some(*value);
         }
     }
@@ -33,14 +33,15 @@ pub fn weighted_quantile(pairs: &mut [(f64, f64)], fraction: f64) -> Option<f64>
 
 /// Sorts values by a number, in the total order of IEEE 754. Equal numbers keep their order.
 ///
-/// All types of values are sorted by the same code. Sorts of their own would be a fiftieth of the
-/// page's module.
+/// Values of all types are sorted by the same code, because a separate sort for each type would
+/// enlarge the page's module by a fiftieth.
 pub fn sort_by_number<T>(values: &mut [T], number: impl Fn(&T) -> f64) {
     let numbers = values.iter().enumerate().map(|(index, value)| (number(value), index));
     let mut order: Vec<(f64, usize)> = numbers.collect();
     sort_pairs(&mut order);
     for place in 0..values.len() {
-        // A value whose place was needed before is where the value of that place came from.
+        // If an earlier swap took the value from its index, the entry at this index says where the
+        // value went.
         let mut index = order[place].1;
         while index < place {
             index = order[index].1;
@@ -50,6 +51,7 @@ pub fn sort_by_number<T>(values: &mut [T], number: impl Fn(&T) -> f64) {
     }
 }
 
+/// Sorts pairs of a number and an index by their numbers. Equal numbers keep their order.
 #[inline(never)]
 fn sort_pairs(pairs: &mut [(f64, usize)]) {
     pairs.sort_by(|a, b| a.0.total_cmp(&b.0));

@@ -156,9 +156,10 @@ impl StrokesData {
         let mut digest = Digest::default();
         digest.add(&self.word);
         for step in self.glyphs.iter().flat_map(|glyph| &glyph.moves) {
+            // A dark move has the pace 0, which no lit move has.
             let Move { from_m, to_m, lit, pace } = step;
-            let lit = f64::from(u8::from(*lit)) * pace;
-            digest.add_numbers(&[from_m[0], from_m[1], to_m[0], to_m[1], lit]);
+            let lit_pace = f64::from(u8::from(*lit)) * pace;
+            digest.add_numbers(&[from_m[0], from_m[1], to_m[0], to_m[1], lit_pace]);
         }
         digest.hex()
     }

@@ -299,7 +299,7 @@ fn end_s(plan: &Plan, stretch: &Stretch, lights: &[Command]) -> f64 {
     letters_s.min(last_airborne.map_or(0.0, |setpoint| setpoint.time_s)).max(dark_s)
 }
 
-/// Returns true if a plan's setpoints are far enough apart to be sent one by one.
+/// True if a plan's setpoints are far enough apart to be sent one by one.
 pub(super) fn fits_the_radio(plan: &Plan) -> bool {
     setpoints(plan, f64::INFINITY).is_ok_and(|rows| !rows.is_empty())
 }
@@ -313,8 +313,8 @@ fn continues(plan: &Plan, from: usize, to: usize) -> bool {
 }
 
 /// Returns the airborne setpoints to send until `end_s`, each as `[time, position sent, velocity,
-/// acceleration]` in SI units. Setpoints less than [`MIN_INTERVAL_S`] after another one are omitted
-/// if redundant. Otherwise they are [`Error::Infeasible`].
+/// acceleration]` in SI units. A setpoint less than [`MIN_INTERVAL_S`] after another one is omitted
+/// if one of the two is redundant. Otherwise [`Error::Infeasible`] is returned.
 fn setpoints(plan: &Plan, end_s: f64) -> Result<Vec<Value>> {
     let mut kept: Vec<usize> = Vec::new();
     for (row, setpoint) in plan.setpoints.iter().enumerate() {

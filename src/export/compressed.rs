@@ -38,7 +38,7 @@ const MAX_PIECE_BYTES: usize = 3 + 3 * 6;
 /// Bytes at the end of a trajectory.
 const END: [u8; 3] = [0; 3];
 
-/// Bytes at the end of a trajectory without a goal: a line along z of zero duration, which makes
+/// Bytes at the end of a flight without a goal: a line along z of zero duration, which makes
 /// the firmware divide by zero. The commander then outputs no more setpoints
 /// (`crtp_commander_high_level.c`, "invalid eval"), and the watchdog stops the motors 2 s later.
 /// With [`END`] the drone would hover forever. This applies to releases since 2023.11.
@@ -58,6 +58,7 @@ pub struct Compressed {
     pub(super) yaw: i16,
 }
 
+/// A piece, as the drone stores it. A heading has no control points, because it is constant.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Piece {
     /// First control point, equal to the end of the previous piece, mm.
@@ -309,7 +310,7 @@ fn tenths_of_degrees(yaw_rad: f64) -> i16 {
     (10.0 * yaw_rad.to_degrees()).round() as i16
 }
 
-/// Returns true if a release flies a compressed trajectory's heading. Older releases only fly 0.
+/// True if a release flies a compressed trajectory's heading. Older releases only fly 0.
 pub(super) fn flies_heading(release: Release, yaw_rad: f64) -> bool {
     release.has(&Feature::HEADING) || tenths_of_degrees(yaw_rad) == 0
 }

@@ -18,6 +18,7 @@ use noctograph_core::error::{Error, Result};
 use noctograph_sim::gain_design::{Design, INPUTS, MOTOR_LAG_S, design};
 use noctograph_sim::{Law, SimOptions};
 
+/// Names and values of firmware parameters.
 type Parameters = Vec<(String, f64)>;
 
 /// Returns the names and values of the firmware parameters for the scene's controller. The list is

@@ -1,7 +1,7 @@
 //! Export: converts plans to files for drones and other programs.
 //!
-//! Products in: [`Plan`]s with the lamps, the controller and the camera of their scene. Product
-//! out: [`File`]s. Each format's module uses SI units and radians until it writes the numbers.
+//! The input is [`Plan`]s with the lamps, the controller and the camera of their scene, and the
+//! output is [`File`]s. Each format's module uses SI units and radians until it writes the numbers.
 //!
 //! An onboard trajectory runs from a run-up before the first letter to a run-out after the last
 //! one. Scripts upload it together with take-off, the path to the run-up, and a landing. Other
@@ -128,12 +128,12 @@ impl Format {
         }
     }
 
-    /// Returns true if the files of this format fly a drone.
+    /// True if the files of this format fly a drone.
     pub fn flies(self) -> bool {
         !matches!(self, Self::Gains | Self::LogConfig)
     }
 
-    /// Returns true if files contain only the letters, beginning and ending in the air.
+    /// True if files contain only the letters, beginning and ending in the air.
     pub fn stays_in_the_air(self) -> bool {
         matches!(self, Self::Compressed | Self::Poly4d)
     }
@@ -207,6 +207,7 @@ pub struct File {
 }
 
 impl File {
+    /// Creates a text file.
     fn new(name: impl Into<String>, text: String) -> Self {
         Self { name: name.into(), bytes: text.into_bytes() }
     }

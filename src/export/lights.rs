@@ -263,12 +263,12 @@ pub(super) fn screen_rgb(command: &Command, options: &LightOptions) -> [u8; 3] {
         }
     }
     // Colors outside the screen's gamut have negative channels, which are clipped.
-    let light = light.map(|channel: f64| channel.max(0.0));
-    let most = light.max();
+    let in_gamut = light.map(|channel: f64| channel.max(0.0));
+    let most = in_gamut.max();
     if most <= 0.0 {
         return [0; 3];
     }
-    light.map(|channel| byte(encoded_from_linear(channel / most * command.level))).into()
+    in_gamut.map(|channel| byte(encoded_from_linear(channel / most * command.level))).into()
 }
 
 /// Returns the lamps driven by a channel: the scene's or, if the scene lists none, a deck's.

@@ -302,6 +302,7 @@ pub(super) fn pieces<P>(
     while choice.start < stretch.last() {
         let mut end = fit.longest(&mut choice, &pieces);
         if end.is_none() {
+            // Retries are counted anew once the search has come farther than ever before.
             (stuck_start, retries) = if choice.start > stuck_start {
                 (choice.start, 1)
             } else {

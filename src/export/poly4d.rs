@@ -24,6 +24,7 @@ const PIECE_BYTES: usize = 33 * 4;
 pub const MAX_PIECES: usize = TRAJECTORY_MEMORY_BYTES / PIECE_BYTES;
 /// Minimum duration of a segment that becomes a piece, s. The first drone of a fleet has no hover.
 const LEAST_SEGMENT_S: f64 = 1e-3;
+/// Header line of the CSV.
 const HEADER: &str = "Duration,x^0,x^1,x^2,x^3,x^4,x^5,x^6,x^7,y^0,y^1,y^2,y^3,y^4,y^5,y^6,y^7,\
                       z^0,z^1,z^2,z^3,z^4,z^5,z^6,z^7,yaw^0,yaw^1,yaw^2,yaw^3,yaw^4,yaw^5,yaw^6,yaw^7";
 

@@ -155,7 +155,7 @@ impl Battery {
         })
     }
 
-    /// Returns true if the battery lasts through the flight, starting with the scene's charge.
+    /// True if the battery lasts through the flight, starting with the scene's charge.
     pub fn lasts(&self) -> bool {
         self.least_rest_v.is_some_and(|least_v| self.rest_v >= least_v - VOLTAGE_ROUNDING_V)
     }
@@ -191,6 +191,7 @@ fn loads(options: &BatteryOptions, voltages: &[(f64, f64)]) -> Vec<Load> {
 /// Returns the minimum charge from which the battery stays above `low_v` under the loads, as a
 /// fraction of the capacity. Returns `None` if a full battery does not last.
 fn least_charge_frac(options: &BatteryOptions, loads: &[Load], low_v: f64) -> Option<f64> {
+    // The minimum is found by bisection, because a battery with more charge lasts longer.
     let (mut least_frac, mut low, mut high) = (None, 0, CHARGE_STEPS + 1);
     while low < high {
         let middle = low.midpoint(high);

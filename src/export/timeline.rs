@@ -46,10 +46,12 @@ pub(super) struct Segment {
     pub(super) ends_m: [Vector3<f64>; 2],
 }
 
+/// Axis of a vertical motion.
 const UP: &[usize] = &[2];
 /// Both horizontal axes move even if the ends are equal, so that a drone slightly away from the
 /// plan's start flies there.
 const LEVEL: &[usize] = &[0, 1];
+/// A hovering drone moves on no axis.
 const HOVER: &[usize] = &[];
 
 /// Moment and position of a drone at rest.

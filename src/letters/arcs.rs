@@ -29,7 +29,8 @@ struct Chord {
 }
 
 /// Returns the polyline of a run of samples with arcs inserted between them, except at corners and
-/// along stems. The polyline passes through all samples, and is closed if the run is closed.
+/// along stems. The polyline passes through all samples, and is closed if the run is closed. A run
+/// of two samples, or with a repeated sample, is returned unchanged.
 pub(super) fn with_arcs(points: &[Point]) -> Vec<Point> {
     let (n, closed) = (points.len() - 1, points[0] == points[points.len() - 1]);
     let chords = Vec::from_iter((0..n).map(|index| {

@@ -6,9 +6,16 @@ use super::shape::{Fit, Shape};
 use super::shaping::Unset;
 use noctograph_core::error::Result;
 
-/// Touching letters as one shape: byte index of the first character in the line, left edge, and
-/// strokes, both in cap heights.
-pub(super) type Joined = (usize, f64, Arc<Shape>);
+/// Touching letters as one shape.
+#[derive(Debug)]
+pub(super) struct Joined {
+    /// Byte in the line at which the first character starts.
+    pub(super) byte: usize,
+    /// Position of the pen in the line, in cap heights.
+    pub(super) pen: f64,
+    /// Strokes relative to the pen, in cap heights.
+    pub(super) shape: Arc<Shape>,
+}
 
 /// The letters of a line, or the reason why the line cannot be set.
 pub(super) type ShapedLine = std::result::Result<Vec<Joined>, Unset>;

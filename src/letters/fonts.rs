@@ -10,6 +10,7 @@ use super::options::LetterOptions;
 use super::shaping::{is_mark, visual_runs};
 use noctograph_core::error::Result;
 
+/// Font of a text, followed by its substitutes.
 pub(super) struct Fonts(Vec<Font>);
 
 /// A part of a line in one font, as a range of bytes.
@@ -74,7 +75,8 @@ impl Fonts {
         let parts = self.parts(line);
         let mut ordered = Vec::new();
         for (run, leftward) in visual_runs(line) {
-            // Lists the run's parts in reading order, reversed if the run goes from right to left.
+            // The run's parts are in reading order, and are reversed if the run goes from right to
+            // left.
             let parts_in_run = parts.iter().filter_map(|(font, part)| {
                 let overlap = part.start.max(run.start)..part.end.min(run.end);
                 (overlap.start < overlap.end).then_some(((*font, overlap), leftward))

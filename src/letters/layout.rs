@@ -1,5 +1,6 @@
 //! Layout of a text: characters side by side, and lines below each other.
 
+use super::face::Joined;
 use super::font::{Font, capital};
 use super::fonts::Fonts;
 use super::options::{Align, Fitting, LetterOptions, Trace};
@@ -68,7 +69,7 @@ fn fitted(word: &str, fonts: &Fonts, options: &LetterOptions, canvas_m: [f64; 2]
         Fitting::Fill => f64::INFINITY,
     };
     let (mut best, mut best_scale) = (String::new(), 0.0);
-    // Tries an increasing number of line breaks. Further breaks are only kept if letters get
+    // The number of line breaks increases. Further breaks are kept only if they make the letters
     // larger.
     for n_breaks in 0..=word.matches(' ').count() {
         let text = with_line_breaks(word, n_breaks);
@@ -126,7 +127,7 @@ fn canvas_scale(strokes: &Strokes, [width_m, height_m]: [f64; 2]) -> f64 {
 fn with_line_breaks(text: &str, n_breaks: usize) -> String {
     let mut lines: Vec<String> = text.split('\n').map(str::to_owned).collect();
     for _ in 0..n_breaks {
-        // Selects the longest line that has a space, or the first of several.
+        // The longest line that has a space is broken, or the first of several.
         let breakable = (0..lines.len()).filter(|index| lines[*index].trim().contains(' '));
         let longest =
             breakable.max_by_key(|index| (lines[*index].chars().count(), lines.len() - index));
@@ -284,8 +285,8 @@ fn cells(line: &str, fonts: &Fonts, options: &LetterOptions) -> Vec<Placed> {
     let (mut cells, mut pen_m) = (Vec::new(), 0.0);
     for ((font, part), leftward) in fonts.in_visual_order(line) {
         let part = &line[part];
-        // Computes the widths of the spaces at both ends of a part. The start of a right-to-left
-        // part is on the right.
+        // Spaces at both ends of a part only move the pen. The start of a right-to-left part is on
+        // the right.
         let mut spaces_m = [part.trim_start_matches(' '), part.trim_end_matches(' ')]
             .map(|trimmed| space_m * (part.len() - trimmed.len()) as f64);
         if leftward {
@@ -309,9 +310,9 @@ fn cells_in(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f
     {
         // The line ends at its rightmost letter, because marks may come after that letter.
         let (letters, size_m) = (letters.expect("the text is drawable"), options.cap_height_m);
-        let right_edges = letters.iter().map(|(_, pen, shape)| pen + shape.ink_bounds()[2]);
+        let right_edges = letters.iter().map(|letter| letter.pen + letter.shape.ink_bounds()[2]);
         let end = right_edges.fold(0.0, f64::max);
-        let cells = letters.into_iter().map(|(byte, pen, shape)| {
+        let cells = letters.into_iter().map(|Joined { byte, pen, shape }| {
             proportional(line[byte..].chars().next().unwrap_or(' '), pen, shape, size_m)
         });
         return (cells.collect(), end * size_m);

@@ -35,7 +35,7 @@ impl<'a> Filled<'a> {
     pub(super) fn new(contours: &[Contour], budget: &'a Budget) -> Self {
         let [_, bottom, _, top] = bounds(contours.iter().flatten().copied());
         let edges: Vec<_> = contours.iter().flat_map(|contour| edges(contour)).collect();
-        // About four edges start in each bin.
+        // About four edges start in each bin, unless the outline has more than 4096 edges.
         let n_bins = (edges.len() / 4).clamp(1, 1024);
         let bin_height = ((top - bottom) / n_bins as f64).max(f64::MIN_POSITIVE);
         let mut ink = Self { budget, bottom, bin_height, edges, bins: vec![Vec::new(); n_bins] };
@@ -66,7 +66,8 @@ impl<'a> Filled<'a> {
         if !self.budget.spend_steps(STEPS_PER_EDGE * (bin.len() + EDGES_PER_BIN)) {
             return 0;
         }
-        // Counts edges that cross the ray to the right. Upward edges are positive (Sunday 2001).
+        // The winding number is the count of edges that cross the ray to the right, with upward
+        // edges positive and downward edges negative (Sunday 2001).
         for index in bin {
             let [[ax, ay], [bx, by]] = &self.edges[*index as usize];
             if (*ay <= y) != (*by <= y) {

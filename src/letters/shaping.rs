@@ -66,7 +66,7 @@ pub(super) fn shape_line(face: &Font, line: &str, space: i32) -> Result<Vec<Plac
     let face = ShaperFont::new(face);
     let (mut placed, mut pen) = (Vec::new(), 0_i32);
     for (run, leftward) in visual_runs(line) {
-        // Lists the words from left to right, each with the index of its first byte.
+        // The words are listed from left to right, each with the index of its first byte.
         let mut next_start = run.start;
         let mut words = Vec::from_iter(line[run].split(' ').map(|word| {
             let start = next_start;
@@ -128,14 +128,14 @@ mod tests {
     fn letters_that_join_are_one_stroke_and_run_from_right_to_left() {
         let face = Typeface::read(small_face(), Trace::CenterLine, "small.ttf").unwrap();
         let arabic = face.shape_line("نر", 0.5).unwrap();
-        assert_eq!((arabic.len(), arabic[0].0), (1, 0), "joined");
-        assert_eq!(arabic[0].2.runs.len(), 1, "a stroke through both: {:?}", arabic[0].2);
+        assert_eq!((arabic.len(), arabic[0].byte), (1, 0), "joined");
+        assert_eq!(arabic[0].shape.runs.len(), 1, "a stroke through both: {:?}", arabic[0].shape);
         let apart = face.shape_line("ر ن", 0.5).unwrap();
-        assert_eq!(apart.iter().map(|letter| letter.0).collect::<Vec<_>>(), [3, 0], "no joins");
+        assert_eq!(apart.iter().map(|letter| letter.byte).collect::<Vec<_>>(), [3, 0], "no joins");
         let hebrew = face.shape_line("אר H", 0.5).unwrap();
-        let bytes: Vec<usize> = hebrew.iter().map(|letter| letter.0).collect();
+        let bytes: Vec<usize> = hebrew.iter().map(|letter| letter.byte).collect();
         assert_eq!(bytes, [5, 2, 0], "the first letter stands on the right");
-        assert!(hebrew.windows(2).all(|pair| pair[0].1 < pair[1].1), "from left to right");
+        assert!(hebrew.windows(2).all(|pair| pair[0].pen < pair[1].pen), "from left to right");
         assert_eq!(face.shape_line("אx", 0.5).unwrap_err(), Unset::Missing(2), "its byte");
     }
 

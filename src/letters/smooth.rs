@@ -13,8 +13,8 @@ const STIFFNESS: [f64; 9] = [1e7, 1e6, 1e5, 1e4, 1e3, 1e2, 1e1, 1.0, 0.1];
 pub(super) const MAX_POINTS: usize = 4000;
 
 /// Returns the line resampled at `spacing`, and smoothed as much as possible without moving a point
-/// by more than `error`. Both are in the line's unit. The ends of the line do not move, and a
-/// closed line stays closed.
+/// by more than `error`. `spacing` and `error` are in the line's unit. The ends of the line do not
+/// move, and a closed line stays closed.
 pub(super) fn smooth(line: &[[f64; 2]], spacing: f64, error: f64) -> Vec<[f64; 2]> {
     let even = evenly(line, spacing);
     // A line with fewer than five points has no bend to smooth.
@@ -75,7 +75,7 @@ fn smooth_open(points: &[[f64; 2]], stiffness: f64) -> Vec<[f64; 2]> {
         z[end] = z[end].map(|x| x * (1.0 + pin));
     }
     matrix.solve(&mut z);
-    // Removes the rounding error that the weight causes at the ends.
+    // The weight causes rounding errors at the ends, which are therefore set exactly.
     let mut z = z[2..n + 2].to_vec();
     (z[0], z[n - 1]) = (points[0], points[n - 1]);
     z
@@ -112,7 +112,7 @@ impl Banded {
     fn solve(self, z: &mut [[f64; 2]]) {
         let Self { mut diagonal, mut first, mut second } = self;
         let inner = 2..z.len() - 2;
-        // Factors the matrix as L D L' in place, and solves L row by row.
+        // The matrix is factored as L D L' in place, while L is solved row by row.
         for k in inner.clone() {
             second[k] /= diagonal[k - 2];
             first[k] = (first[k] - second[k] * diagonal[k - 2] * first[k - 1]) / diagonal[k - 1];
@@ -121,7 +121,7 @@ impl Banded {
             z[k] = ahead(z[k], z[k - 1], -first[k]);
             z[k] = ahead(z[k], z[k - 2], -second[k]);
         }
-        // Solves D, and then L' backward.
+        // D is solved next, followed by L' backward.
         for k in inner.clone() {
             z[k] = z[k].map(|x| x / diagonal[k]);
         }

@@ -68,7 +68,7 @@ fn contours(path: &BezPath) -> impl Iterator<Item = BezPath> {
 /// Returns half of a line that goes back along itself: the part between its two turns. Any other
 /// line is returned unchanged.
 fn without_return(line: Vec<Point>) -> Vec<Point> {
-    // Lists each point once, in cyclic order.
+    // The cycle contains each point once.
     let mut cycle = line.clone();
     if cycle[0] == cycle[cycle.len() - 1] {
         cycle.pop();
@@ -89,6 +89,7 @@ fn without_return(line: Vec<Point>) -> Vec<Point> {
     }
 }
 
+/// Returns the length of a polyline.
 fn line_length(line: &[Point]) -> f64 {
     line.windows(2).map(|pair| length(pair[1] - pair[0])).sum()
 }

@@ -45,12 +45,14 @@ const SIGNS: &str = "`´ˆ˜¯˘˙¨˚˝ˇ¸˛";
 /// The words of a line, separated by white space.
 type Words<'a> = std::iter::Peekable<std::str::SplitAsciiWhitespace<'a>>;
 
+/// Font whose letters are stored as strokes.
 #[derive(Debug)]
 pub(super) struct StrokeFont {
     fit: Fit,
     /// Number of the font's units in a capital's height.
     units: f64,
     letters: BTreeMap<char, Arc<Shape>>,
+    /// Number of points of all parsed letters.
     n_points: usize,
     /// Lines of letters that are parsed when they are drawn.
     lines: BTreeMap<char, &'static str>,

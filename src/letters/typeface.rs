@@ -95,6 +95,7 @@ impl Typeface {
         let budget = Budget::new(file, "name another font file, or a built-in font");
         let face = Font::new(bytes, 0).ok_or_else(|| refused(file, "another file"))?;
         let traced = Mutex::new(Traced { shapes: BTreeMap::new(), budget });
+        // The measures of the face are replaced below.
         let (cap, half_width, has_stems, is_stored) = (1.0, 0.0, false, false);
         let mut typeface = Self { face, trace, cap, half_width, has_stems, is_stored, traced };
         typeface.is_stored = stored::SIGNS.iter().any(|signs| {
@@ -203,7 +204,7 @@ impl Typeface {
                 None => Unset::TooLarge(byte, group.len()),
             }
         });
-        Ok((byte, unit * f64::from(start), shape?))
+        Ok(Joined { byte, pen: unit * f64::from(start), shape: shape? })
     }
 
     /// Returns the cache and the budget, locked.
@@ -259,7 +260,7 @@ impl Typeface {
         budget.spend_steps(STEPS_PER_PAIR * lines.len() * lines.len()).then_some(())?;
         let lines = lines.into_iter().map(|line| line.into_iter().map(point).collect());
         let mut lines = in_reading_order(lines.collect());
-        // Converts cap heights of the outline to cap heights between center lines.
+        // Cap heights of the outline are converted to cap heights between center lines.
         let scale = 1.0 / (1.0 - 2.0 * self.half_width);
         for point in lines.iter_mut().flatten() {
             *point = Point::new(point.x * scale, (point.y - self.half_width) * scale);

@@ -6,6 +6,7 @@ use super::Link;
 use super::positions::range_jacobian;
 use noctograph_sim::kalman::Part;
 
+/// Number of steps of a fit, accepted or not.
 const FIT_STEPS: usize = 40;
 /// Initial damping, its factors after an improvement and after a failure, and its minimum.
 const DAMPING: f64 = 1e-2;

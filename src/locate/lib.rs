@@ -107,7 +107,7 @@ pub struct RangeSample {
 }
 
 impl RangeSample {
-    /// Returns true if the values are plausible for a measurement.
+    /// True if the values are plausible for a measurement.
     fn is_measurement(&self) -> bool {
         self.distance_m > 0.0 && self.distance_m < MOST_DISTANCE_M && self.time_s.is_finite()
     }
@@ -123,12 +123,12 @@ pub struct Room {
 }
 
 impl Room {
-    /// Returns true if a position is inside the box.
+    /// True if a position is inside the box.
     pub fn holds(&self, position_m: &Vector3<f64>) -> bool {
         (0..3).all(|k| (self.low_m[k]..=self.high_m[k]).contains(&position_m[k]))
     }
 
-    /// Returns true if all positions, with three coordinates each, are inside the box.
+    /// True if all positions, with three coordinates each, are inside the box.
     fn holds_all(&self, positions_m: &DVector<f64>) -> bool {
         positions_m
             .as_slice()

@@ -58,6 +58,7 @@ impl Innovations {
 pub(super) struct Filter {
     pub(super) normal: Normal,
     gate: Gate<Link>,
+    /// Time of the last step, or `None` before the first.
     last_s: Option<f64>,
     /// Number of ranges in all earlier steps.
     pub(super) ranges: usize,
@@ -95,10 +96,12 @@ impl<'a> Model<'a> {
         Self { anchors_m, options, stands_until_s: until_s.collect() }
     }
 
+    /// Returns the number of drones.
     pub(super) fn n_drones(&self) -> usize {
         self.stands_until_s.len()
     }
 
+    /// Creates the filter that starts from the given mean and covariance.
     pub(super) fn filter(&self, start: &Normal) -> Filter {
         let gate = Gate::new(GATE_SIGMAS);
         Filter { normal: start.clone(), gate, last_s: None, ranges: 0 }

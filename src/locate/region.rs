@@ -1,8 +1,8 @@
 //! Determines the published observer's region of convergence, and the observability of a flight.
 //!
-//! Answers two questions before a flight. What fraction of an initial error remains with the
+//! Two questions are answered before a flight. What fraction of an initial error remains with the
 //! observer? How well do the ranges determine the initial positions if the motion is known exactly?
-//! The first answer assumes no noise at all, and the second one assumes noise-free motion.
+//! The first answer assumes no noise, and the second one assumes noise-free motion.
 
 use nalgebra::{DVector, Matrix3, Matrix6, SMatrix, Vector3};
 
@@ -12,7 +12,8 @@ use super::shared_anchor::SharedAnchorObserver;
 use noctograph_core::random::split_mix;
 use noctograph_core::statistics::median;
 
-/// Five links: drone 0 to anchors 0 and 2, drone 1 to anchors 1 and 2, and drone 0 to drone 1.
+/// Five links: drone 0 to its own anchor 0 and to the common anchor 2, drone 1 to its own anchor 1
+/// and to the common anchor 2, and drone 0 to drone 1.
 pub(super) const FIVE_LINKS: [Link; 5] = [
     Link::Anchor { drone: 0, anchor: 0 },
     Link::Anchor { drone: 0, anchor: 2 },

@@ -121,9 +121,10 @@ pub fn locate_shared(
     let [own1, own2, shared] = anchors_of_links(&samples)?;
     let own_m = [anchors_m[own1], anchors_m[own2]];
     let observer = SharedAnchorObserver { own_m, shared_m: anchors_m[shared], gains: [GAIN; 2] };
-    // Ranges are stored by link: each drone's own anchor, common anchor, and between the drones.
-    // Each is held until the next one, and corrections begin once all five links have a range.
-    let mut held = [None; 5];
+    // The last range of each link is kept, in the order of the observer's inputs: each drone to its
+    // own anchor, each drone to the common anchor, and between the drones. Corrections begin once
+    // all five links have a range.
+    let mut last_ranges_m = [None; 5];
     let mut positions_m = starts_m;
     let mut before_s = samples.first().map_or(0.0, |first| first.time_s);
     let mut located = Located::empty(2);
@@ -132,14 +133,13 @@ pub fn locate_shared(
         let moved_m = moved_m(tracks, before_s, time_s);
         for sample in step {
             let slot = match sample.link {
-                // The order is that of `FIVE_LINKS`.
                 Link::Drones(..) => 4,
                 Link::Anchor { drone, anchor } if anchor == shared => 2 + drone,
                 Link::Anchor { drone, .. } => drone,
             };
-            held[slot] = Some(sample.distance_m);
+            last_ranges_m[slot] = Some(sample.distance_m);
         }
-        let corrections = match held {
+        let corrections = match last_ranges_m {
             [Some(a), Some(b), Some(c), Some(d), Some(between_m)] => {
                 let ranges = FiveRanges { own_m: [a, b], shared_m: [c, d], between_m };
                 observer.corrections(&positions_m, &observer.outputs(&ranges))

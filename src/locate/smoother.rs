@@ -1,10 +1,10 @@
 //! Locates whole flights from range logs, without motion sensors.
 //!
-//! Products in: anchors and ranges. Product out: [`Located`]. A filter runs forward and a smoother
-//! backward. Both are repeated with Jacobians at the smoothed positions until they converge. The
-//! method is Gauss–Newton on the whole flight (Bell, SIAM J. Optimization 4(3), 1994), as in
-//! factor-graph solvers. The first iteration starts at the positions that best fit the ranges in
-//! each drone's first second.
+//! The input is anchors and ranges, and the output is [`Located`]. A filter runs forward and a
+//! smoother backward. Both are repeated with Jacobians at the smoothed positions until they
+//! converge. The method is Gauss–Newton on the whole flight (Bell, SIAM J. Optimization 4(3),
+//! 1994), as in factor-graph solvers. The first iteration starts at the positions that best fit the
+//! ranges in each drone's first second.
 //!
 //! After the gate has rejected five ranges of a link in a row, the link is accepted again, as in
 //! flight. Biases are not estimated, but they appear in the residuals of each link.

@@ -12,6 +12,7 @@ use super::pass::{Filter, Innovations, Model, STATES, time_steps};
 use noctograph_core::error::{Error, Result};
 use noctograph_sim::kalman::{Normal, Step};
 
+/// Maximum number of backward passes.
 const MAX_PASSES: usize = 8;
 /// Change of a state between two passes below which iteration ends.
 const CONVERGED: f64 = 1e-4;

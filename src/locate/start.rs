@@ -1,6 +1,6 @@
 //! Determines the initial positions in a log from each drone's first second only.
 //!
-//! Products in: anchors and ranges. Product out: a state of positions and velocities, with its
+//! The input is anchors and ranges, and the output is a state of positions and velocities with its
 //! covariance. The mean range of each link is fitted by the method of Levenberg and Marquardt from
 //! 27 starting points around the anchors, because mirror images fit a few ranges as well.
 
@@ -43,28 +43,28 @@ pub(super) fn start(
     let (n_drones, n) = (heard_s.len(), 3 * heard_s.len());
     // If two logs start at different times, a range between the drones does not apply to both
     // starts.
-    let mut means = means(heard_s, samples);
-    let simultaneous = Vec::from_iter(means.iter().copied().filter(|mean| {
+    let mut ranges = means(heard_s, samples);
+    let simultaneous = Vec::from_iter(ranges.iter().copied().filter(|mean| {
         let begins_s: Vec<f64> = mean.link.drones().map(|drone| heard_s[drone][0]).collect();
         begins_s.iter().all(|begin_s| (begin_s - begins_s[0]).abs() <= LATE_S)
     }));
     if simultaneous.len() >= n {
-        means = simultaneous;
+        ranges = simultaneous;
     }
-    if means.len() < n {
+    if ranges.len() < n {
         return Err(Error::infeasible(
             format!(
                 "{} links in the first second for {n} coordinates of {n_drones} drones: ranges \
                  do not determine the positions",
-                means.len()
+                ranges.len()
             ),
             "three anchors per drone, or more drones that range to each other, are needed; a drone \
              that flies with its motion sensors needs fewer",
         ));
     }
     // A small eigenvalue of JᵀJ indicates a direction that the ranges do not determine.
-    let positions_m = best_fit(anchors_m, n, &means, room);
-    let jacobian = residuals(anchors_m, &means, &positions_m).0;
+    let positions_m = best_fit(anchors_m, n, &ranges, room);
+    let jacobian = residuals(anchors_m, &ranges, &positions_m).0;
     let information = jacobian.transpose() * jacobian;
     let eigen = information.clone().symmetric_eigen();
     if eigen.eigenvalues.min() < UNOBSERVABLE * eigen.eigenvalues.max() {

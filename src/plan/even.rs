@@ -38,8 +38,9 @@ const LEAST_LEADS: f64 = 3.0;
 const OVERLAP_M: f64 = 0.015;
 /// Wait in s at the first letter if only the letters are planned.
 const LETTERS_WAIT_S: f64 = 0.5;
-/// Tolerance in s for rounding in sums of times, and minimum time in s between two setpoints.
+/// Tolerance in s for rounding in sums of times.
 const SLACK_S: f64 = 1e-6;
+/// Minimum time in s between two setpoints.
 const LEAST_INTERVAL_S: f64 = 1e-4;
 /// Hover in s at a dot before its light goes on, so that the drone comes to rest.
 const SETTLE_S: f64 = 0.2;
@@ -59,13 +60,18 @@ impl Segment {
     }
 }
 
+/// Path of a segment, in the plane of the word.
 #[derive(Debug)]
 enum Path {
+    /// Position in m at which the drone waits or hovers in the dark.
     Still(Vector2<f64>),
     /// Beginning of a motion before its light goes on.
     RunIn(Motion),
+    /// Lit stroke.
     Lit(Motion),
+    /// Position in m at which the drone hovers with its light on.
     Dot(Vector2<f64>),
+    /// Flight in the dark.
     Dark(Transit),
 }
 
@@ -273,8 +279,9 @@ impl Course<'_> {
         Plan::made(plan)
     }
 
-    /// Returns the light level, 0 to 1, up to the next setpoint. On a stroke, it is the ratio of
-    /// the mean speed to the nominal speed, so that a slow corner is not brighter.
+    /// Returns the light level, 0 to 1, from a setpoint at `from_s` up to the next one at `next_s`.
+    /// A dimmed light has the ratio of the mean speed to the stroke speed, so that a slow corner is
+    /// not brighter.
     fn level(&self, segment: &Segment, from_s: f64, next_s: f64) -> f64 {
         let motion = match &segment.path {
             Path::Lit(motion) => motion,

@@ -170,7 +170,8 @@ fn starts(routes: &[Vec<Route>]) -> Option<(usize, Vec<Start>)> {
     let mut best: Option<(usize, Vec<Start>)> = None;
     let mut conflicts =
         Conflicts { routes, cache: HashMap::new(), n_comparisons_left: MAX_COMPARED };
-    // The drone that landed last or found no route chooses first in the next round.
+    // The drone that landed last or found no route chooses first in the next round. The number of
+    // rounds is limited, because the same orders may recur.
     for _round in 0..2 * routes.len() {
         let last = match assign(routes, &order, &mut conflicts) {
             Ok(starts) => {

@@ -143,6 +143,9 @@ fn along(step: &Move, point: [f64; 2]) -> Option<f64> {
     }
     let [from_m, to_m] = [step.from_m, step.to_m].map(Vector2::from);
     let (step_m, length_m) = (to_m - from_m, distance(step.from_m, step.to_m));
+    if length_m == 0.0 {
+        return Some(0.0);
+    }
     let along_m = (Vector2::from(point) - from_m).dot(&step_m) / length_m;
-    Some(if length_m > 0.0 { along_m.clamp(0.0, length_m) } else { 0.0 })
+    Some(along_m.clamp(0.0, length_m))
 }

@@ -125,13 +125,13 @@ fn with_commands(plan: &Plan, lit: Vec<f64>, commands: &[(f64, f64)], between: B
 fn with_levels(mut plan: Plan, design: &Plan, levels: &[f64]) -> Plan {
     let drawn_rows = drawn_rows((&plan, levels), (design, &design.commanded()));
     let lights = design.lights.iter().map(|(channel, colors)| {
-        let levels = if design.lamps().any(|(lamp, _)| lamp == channel) {
+        let column = if design.lamps().any(|(lamp, _)| lamp == channel) {
             levels.to_vec()
         } else {
             let drawn_rows = drawn_rows.iter();
             drawn_rows.map(|rows| rows.as_ref().map_or(0.0, |rows| colors[rows.end - 1])).collect()
         };
-        (channel.clone(), levels)
+        (channel.clone(), column)
     });
     let lights = lights.collect();
     plan.edit(|plan| plan.lights = lights);

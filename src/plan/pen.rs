@@ -25,6 +25,7 @@ pub(super) fn dot_s(speed_m_s: f64) -> f64 {
     DOT_LIGHT_M / speed_m_s
 }
 
+/// Uninterrupted run of light.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct PenStroke {
     /// Index of the stroke's letter.

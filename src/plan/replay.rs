@@ -38,15 +38,15 @@ pub fn replay(flight: &Flight) -> Result<Replay> {
         let hint = "name a flight or a log that contains setpoint columns";
         return Err(Error::input("flight", "no design position", "setpoints to fly", hint));
     }
-    let logged = logged(flight);
-    let median = median_step(&logged);
+    let sent = logged(flight);
+    let median_step = median_step(&sent);
     let channels: Vec<String> = flight.lights.keys().cloned().collect();
     let (mut plan, mut n_restored) = (PlanData::with_channels(&channels), 0);
-    for (index, (setpoint, row)) in logged.iter().enumerate() {
+    for (index, (setpoint, row)) in sent.iter().enumerate() {
         // Lost setpoints are restored first, at equal intervals, with the previous letter and
         // lights.
-        if let Some((before, row_before)) = index.checked_sub(1).map(|before| &logged[before]) {
-            let n_lost = lost_between(before, setpoint, median);
+        if let Some((before, row_before)) = index.checked_sub(1).map(|before| &sent[before]) {
+            let n_lost = lost_between(before, setpoint, median_step);
             for k in 1..=n_lost {
                 let fraction = f64::from(k) / f64::from(n_lost + 1);
                 let path_m = setpoint.position_m - before.position_m;
@@ -107,7 +107,7 @@ fn median_step(logged: &[(Setpoint, usize)]) -> [f64; 2] {
 }
 
 /// Returns the number of setpoints that a log lost between two, by the median distance in m and the
-/// median speed in m/s.
+/// median speed in m/s. If the log has no median, none was lost.
 fn lost_between(from: &Setpoint, to: &Setpoint, [median_m, median_m_s]: [f64; 2]) -> u32 {
     let [length_m, lasts_s] = step(from, to);
     let steps = length_m / median_m;

@@ -45,6 +45,7 @@ impl StepResponse {
     /// Returns the approximate number of multiplications in [`Self::inverse`] for `n_inputs`
     /// equally spaced inputs.
     pub fn inverse_cost(&self, n_inputs: usize, interval_s: f64) -> f64 {
+        // Each output and each row of the factorization updates half of a square of the band.
         let (n, per_input) = (n_inputs as f64, OUTPUTS_PER_INPUT as f64);
         let width = (self.settled_s() / interval_s).min(n) + 2.0;
         n * (per_input + 1.0) * 0.5 * width * width
@@ -99,16 +100,16 @@ impl Inverse<'_> {
     pub fn inputs(&self, wanted: impl Fn(f64) -> f64) -> Vec<f64> {
         let Some(start_s) = self.times_s.first() else { return Vec::new() };
         let rest = wanted(*start_s);
-        let wanted = |time_s: f64| wanted(time_s) - rest;
+        let target = |time_s: f64| wanted(time_s) - rest;
         // The right-hand side is W'y + ridge y, where W has one row for each output.
         let mut right: Vec<f64> =
-            self.times_s.iter().map(|time_s| self.ridge * wanted(*time_s)).collect();
+            self.times_s.iter().map(|time_s| self.ridge * target(*time_s)).collect();
         let mut weights = Vec::new();
         for time_s in self.outputs_s() {
-            let target = wanted(time_s);
+            let output = target(time_s);
             let from = self.weigh(time_s, &mut weights);
-            let right = &mut right[from..];
-            right.iter_mut().zip(&weights).for_each(|(sum, weight)| *sum += weight * target);
+            let weighted = right[from..].iter_mut().zip(&weights);
+            weighted.for_each(|(sum, weight)| *sum += weight * output);
         }
         self.solve(&mut right);
         right.into_iter().map(|input| input + rest).collect()

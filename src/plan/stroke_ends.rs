@@ -91,8 +91,8 @@ impl<'a> Aligned<'a> {
         DesignPath::exists(flight).ok_or_else(no_design)?;
         let mut aligned = Self { samples: &flight.samples, lag_s: 0.0, offset_m: Vector3::zeros() };
         let (stride, mut offset_m) = (writing.len().div_ceil(MAX_SAMPLES), Vector3::zeros());
-        // The lag with the least variance is found in steps of 25 ms, and around it in steps of 1
-        // ms.
+        // The lag with the least variance is found in steps of 25 ms from -0.125 s to 1.5 s, and
+        // around it in steps of 1 ms.
         for (first, last, step_s) in [(-5, 60, 0.025), (-25, 25, 0.001)] {
             let lags_s = (first..=last).map(|step| aligned.lag_s + f64::from(step) * step_s);
             let lags_s: Vec<f64> = lags_s.collect();

@@ -132,6 +132,7 @@ impl BodyModel {
             BodyFigures { fixed_lens, ..body(sensor_width_m, 4000.0, &[]) }
         }
         match self {
+            // The default picture of a custom body has as many pixels as that of a 24 MP camera.
             Self::Custom(custom) => body(custom.sensor_width_m, 6000.0, &[]),
             Self::FullFrame24Mp => body(0.036, 6000.0, &[]),
             Self::A6400 => body(0.0235, 6000.0, &["ILCE-6400"]),
@@ -174,6 +175,7 @@ impl LensModel {
     /// aperture.
     pub fn figures(&self) -> LensFigures {
         const NONE: [f64; 4] = [0.0; 4];
+        // A custom lens may have any aperture and has no vignetting, unless the scene sets it.
         let (focal_length_m, min_f_number, wide_open_stops, distortion) = match self {
             Self::Custom(custom) => (custom.focal_length_m, 0.5, 0.0, custom.distortion),
             Self::Wide28 => (0.028, 2.8, 1.54, NONE),

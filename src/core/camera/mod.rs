@@ -79,18 +79,20 @@ pub struct ImagePoint {
 
 /// Largest distance in m of a point in the word's plane that a corner of the picture shows.
 const MAX_PLANE_M: f64 = 1000.0;
-/// Maximum number of iterations that invert the distortion, and their error of the tangents.
+/// Maximum number of fixed-point iterations that invert the distortion.
 const MAX_ITERATIONS: u32 = 200;
+/// Largest error in the tangents of a ray's angles at which the iteration has converged.
 const CONVERGED: f64 = 1e-12;
 /// Exposure in lx s at which a sensor of ISO 1 saturates (saturation-based speed, ISO 12232).
 const SATURATION_LX_S: f64 = 78.0;
 
 impl Camera {
-    /// Returns the same camera with another picture width, and the height scaled in proportion.
+    /// Returns the same camera with another picture width. The height is scaled in proportion and
+    /// rounded up.
     pub fn at_width(&self, width_px: u32) -> Self {
-        let height = u64::from(self.height_px) * u64::from(width_px);
-        let height = height.div_ceil(u64::from(self.width_px.max(1))).max(1);
-        Self { width_px, height_px: u32::try_from(height).unwrap_or(u32::MAX), ..self.clone() }
+        let area_px = u64::from(self.height_px) * u64::from(width_px);
+        let height_px = area_px.div_ceil(u64::from(self.width_px.max(1))).max(1);
+        Self { width_px, height_px: u32::try_from(height_px).unwrap_or(u32::MAX), ..self.clone() }
     }
 
     /// Returns the side length in m of a pixel on the sensor.
@@ -124,11 +126,11 @@ impl Camera {
     /// converge within 200 iterations.
     pub fn world_from_image(&self, x_px: f64, y_px: f64) -> Option<Vector3<f64>> {
         let middle_px = Vector2::new(f64::from(self.width_px), f64::from(self.height_px)) / 2.0;
-        let wanted = (Vector2::new(x_px, y_px) - middle_px) / self.focal_length_px();
-        // tangents ← tangents + (wanted − distorted(tangents)) converges for weak distortion.
-        let mut tangents = wanted;
+        let image = (Vector2::new(x_px, y_px) - middle_px) / self.focal_length_px();
+        // tangents ← tangents + (image − distorted(tangents)) converges for weak distortion.
+        let mut tangents = image;
         for _ in 0..MAX_ITERATIONS {
-            let error = wanted - Vector2::from(self.distorted(tangents.into())?);
+            let error = image - Vector2::from(self.distorted(tangents.into())?);
             tangents += error;
             if error.amax() < CONVERGED {
                 return Some(self.camera_from_world.transpose() * tangents.push(1.0).normalize());
@@ -172,7 +174,8 @@ impl Camera {
         Some(bounds(on_plane.collect::<Option<Vec<_>>>()?))
     }
 
-    /// Returns the fraction of the light, 0 to 1, that remains after vignetting at a point.
+    /// Returns the fraction of the light, 0 to 1, that remains after vignetting at a point of the
+    /// picture.
     pub fn unvignetted(&self, x_px: f64, y_px: f64) -> f64 {
         let (width, height) = (f64::from(self.width_px), f64::from(self.height_px));
         let (x, y) = (x_px - width / 2.0, y_px - height / 2.0);
@@ -181,8 +184,9 @@ impl Camera {
         (1.0 - self.vignetting * (x * x + y * y) / corner_sq).max(0.0)
     }
 
-    /// Returns the diameter in m of the circle of confusion on the sensor, `f²/N · |d - d_f| / (d
-    /// d_f)`, which is 0 for a camera that is not focused.
+    /// Returns the diameter in m on the sensor of the circle of confusion of a point at the depth
+    /// `d = depth_m`, `f²/N · |d - d_f| / (d d_f)` with the focus distance `d_f`. The diameter is 0
+    /// if no focus distance is set.
     pub fn defocus_m(&self, depth_m: f64) -> f64 {
         let f = self.focal_length_m;
         self.focus_m.map_or(0.0, |focus_m| {

@@ -23,7 +23,7 @@ const LEAST_FOCUS_M: f64 = 0.1;
 /// Distance in m below which a target coincides with the camera.
 const LEAST_DISTANCE_M: f64 = 1e-9;
 
-/// Lengths of a quaternion that counts as a rounded unit quaternion.
+/// Range of lengths that a unit quaternion may have after its components have been rounded.
 const UNIT_LENGTH: std::ops::RangeInclusive<f64> = 0.95..=1.05;
 
 settings! {
@@ -156,6 +156,8 @@ impl CameraOptions {
             return Err(Error::input("camera.shutter_close_s", close_s, wanted, hint));
         }
         if let Framing::Fixed(pose) = &self.framing {
+            // The middle of the word is not known yet. A point beside the camera stands in for it,
+            // so that only the pose's own settings can be refused.
             pose.camera_from_world(Vector3::from(pose.position_m) + Vector3::y())?;
         }
         Ok(())
@@ -285,7 +287,7 @@ impl FixedPose {
 ///
 /// # Errors
 ///
-/// Returns [`Error::Input`] with the limits if the picture is too large.
+/// Returns [`Error::Input`] with the limits for a picture that is too large or has no pixel.
 pub fn check_size(width_px: u32, height_px: u32) -> Result<()> {
     let sides = [width_px, height_px];
     let pixels = u64::from(width_px) * u64::from(height_px);

@@ -7,7 +7,8 @@ use crate::units::CM_PER_M;
 
 impl Camera {
     /// Describes how far points lie outside the picture, measured at the depth of each point, such
-    /// as `12 cm on the left, 3 cm at the bottom`. Returns `None` if all points are inside.
+    /// as `12 cm on the left, 3 cm at the bottom`. Distances are rounded to whole centimeters, and
+    /// to at least one. Returns `None` if all points are inside.
     pub fn outside(&self, points_m: impl IntoIterator<Item = Vector3<f64>>) -> Option<String> {
         let (width, height) = (f64::from(self.width_px), f64::from(self.height_px));
         // The maximum distances beyond the edges are in the order left, right, top, bottom.

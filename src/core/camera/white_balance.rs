@@ -45,9 +45,9 @@ impl WhiteBalance {
             Self::Gains(gains) => gains,
             Self::Kelvin(kelvin) => {
                 let light = planckian_rgb(kelvin);
-                let most = light.into_iter().fold(0.0, f64::max);
+                let brightest = light.into_iter().fold(0.0, f64::max);
                 // A channel without light counts as a hundredth of the brightest one.
-                light.map(|channel| most / channel.max(GAINS[0] * most))
+                light.map(|channel| brightest / channel.max(GAINS[0] * brightest))
             }
         }
     }
@@ -56,6 +56,7 @@ impl WhiteBalance {
 /// Returns the linear sRGB color of a black body at a temperature in K by Kang et al. (2002),
 /// within 0.0003 in x and y.
 fn planckian_rgb(kelvin: f64) -> [f64; 3] {
+    /// Evaluates a cubic polynomial with its coefficients in descending powers.
     fn cubic([a, b, c, d]: [f64; 4], t: f64) -> f64 {
         ((a * t + b) * t + c) * t + d
     }

@@ -10,7 +10,7 @@ settings! {
     /// Releases of the Crazyflie's firmware, beginning with the oldest that can fly exported
     /// scripts. Each release includes its patches.
     pub enum Release {
-        /// 2024.10, which supports neither the Brushless nor Lee's controller.
+        /// Supports neither the Brushless nor Lee's controller.
         "2023.11" => R2023_11,
         /// Adds the Brushless and Lee's controller.
         "2024.10" => R2024_10,
@@ -117,7 +117,7 @@ impl Feature {
         Self::BRUSHLESS,
     ];
 
-    /// Returns the last release that lacks the feature.
+    /// Returns the last release that lacks the feature. No feature dates from the oldest release.
     pub fn last_without(&self) -> Release {
         Release::ALL[(self.since as usize).saturating_sub(1)]
     }
@@ -147,6 +147,7 @@ impl Release {
         let not_newer =
             releases.rfind(|r| year_and_month(r.name()).is_some_and(|release| release <= firmware));
         Some(match not_newer {
+            // The last release has no number yet, so it stands for all versions after 2026.08.
             Some(Self::R2026_08) if firmware > (2026, 8) => Self::After2026_08,
             Some(release) => *release,
             None => Self::OLDEST,

@@ -10,17 +10,17 @@ pub(super) fn is_number(cell: &[u8]) -> bool {
     commas <= 1 && std::str::from_utf8(&text).is_ok_and(|text| text.parse::<f64>().is_ok())
 }
 
-/// True if a cell has three digits after each sign and does not begin with zero.
-pub(super) fn is_grouped(cell: &[u8], sign: u8) -> bool {
+/// True if a cell is a number whose digits `separator` groups in thousands: one to three digits
+/// that do not begin with zero, followed by groups of three.
+pub(super) fn is_grouped(cell: &[u8], separator: u8) -> bool {
     let cell = cell.strip_prefix(b"-").or(cell.strip_prefix(b"+")).unwrap_or(cell);
     // If commas separate thousands, the groups of digits end at the decimal point.
-    let whole = match cell.iter().position(|byte| *byte == b'.').filter(|_| sign == b',') {
+    let whole = match cell.iter().position(|byte| *byte == b'.').filter(|_| separator == b',') {
         Some(point) if cell[point + 1..].iter().all(u8::is_ascii_digit) => &cell[..point],
         Some(_) => return false,
         None => cell,
     };
-    // A grouped number begins with one to three digits, followed by groups of three.
-    let mut groups = whole.split(|byte| *byte == sign);
+    let mut groups = whole.split(|byte| *byte == separator);
     let first = groups.next().unwrap_or_default();
     let are_digits = |group: &[u8]| group.iter().all(u8::is_ascii_digit);
     (1..=3).contains(&first.len())
@@ -39,7 +39,8 @@ pub(super) fn unquoted(cell: &[u8]) -> &[u8] {
     cell.strip_prefix(b"\"").and_then(|cell| cell.strip_suffix(b"\"")).unwrap_or(cell)
 }
 
-/// True if a cell begins with a digit and contains the separators of a date or of a time of day.
+/// True if a cell begins with a digit and contains `:`, `-`, `/` or two points, as a date or a time
+/// of day does.
 pub(super) fn is_date(cell: &[u8]) -> bool {
     let cell = unquoted(cell);
     let digits = cell.first().is_some_and(u8::is_ascii_digit);
@@ -56,7 +57,7 @@ const TENS: [f64; 16] =
 /// numerator and the denominator are exact, so only their quotient is rounded (Clinger 1990).
 pub(super) fn short_number(text: &[u8]) -> Option<(f64, usize)> {
     let is_negative = text.first() == Some(&b'-');
-    // The digits are read as an integer, together with the position of the point.
+    // The digits are read as an integer. `point` is the index of the byte after the decimal point.
     let (mut numerator, mut point) = (0_u64, None);
     let mut length = usize::from(is_negative);
     let begin = length;

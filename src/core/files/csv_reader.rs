@@ -154,7 +154,7 @@ fn lines(text: &[u8]) -> impl Iterator<Item = &[u8]> {
 
 impl Head {
     /// Finds the header of a table, which is the line of titles above the first row of numbers,
-    /// within the first 200 lines.
+    /// within the first 200 lines. Without such a row, the first line is the header.
     pub fn find(text: &[u8]) -> Self {
         let lines: Vec<&[u8]> = lines(text).take(HEAD_LINES).collect();
         let rows = lines.iter().enumerate().filter(|(_, line)| !is_comment(line));
@@ -195,6 +195,7 @@ impl Head {
                 titles[0] = separator.titles(lines[*index]).swap_remove(0);
             }
         }
+        // Other lines above the row that are not comments are noted, because they are not read.
         bare.retain(|index| ![title_line, unit_line].contains(&Some(*index)));
         let notes = bare.into_iter().map(|index| {
             let line = String::from_utf8_lossy(lines[index]);
@@ -234,9 +235,10 @@ impl Head {
     }
 }
 
-/// Indices of the nonempty lines above the first row.
+/// Indices of the lines above the first row that are not empty.
 #[derive(Default)]
 struct LinesAbove {
+    /// All these lines.
     filled: Vec<usize>,
     /// Lines that are not comments.
     bare: Vec<usize>,
@@ -317,25 +319,25 @@ impl Sheet {
             if is_comment(line) || line.iter().all(is_empty) {
                 continue;
             }
+            let line_number = index + 1;
             if needs_line_ends && rows.peek().is_none() {
-                let line = index + 1;
-                let note =
-                    format!("line {line} has no line end and is left out: it may be cut off");
-                sheet.notes.push(note);
-                continue;
+                sheet.notes.push(format!(
+                    "line {line_number} has no line end and is left out: it may be cut off"
+                ));
+                break;
             }
             budget.bytes(size_of::<f64>() * (n + 1))?;
             budget.steps(STEPS_PER_CELL * n)?;
-            push(&mut sheet.lines, u32::try_from(index + 1).unwrap_or(u32::MAX));
+            push(&mut sheet.lines, u32::try_from(line_number).unwrap_or(u32::MAX));
             // Most rows contain only plain numbers. Other rows are read cell by cell.
             if form.thousands.is_none() && plain_row(line, head.separator, &mut row).is_some() {
                 let values = sheet.columns.iter_mut().map(|column| &mut column.values);
                 values.zip(&row).for_each(|(values, value)| push(values, *value));
-            } else if !sheet.push_row(line, index + 1, head.separator, &mut number) {
+            } else if !sheet.push_row(line, line_number, head.separator, &mut number) {
                 let count = format!("{} of {n} cells", head.separator.cells(line).count());
                 let wanted = "as many cells as the head has titles";
                 let error = Error::input("row", count, wanted, hint);
-                return Err(error.in_file(file, index as u64 + 1));
+                return Err(error.in_file(file, line_number as u64));
             }
         }
         Ok(sheet)
@@ -537,7 +539,7 @@ fn thousands_separator<'a>(
 }
 
 /// Reads a line of only short numbers and separators into `row`, which has one place for each
-/// column. Returns `None` for any other line.
+/// column. Returns `None` for any other line, of which the first numbers may be in `row`.
 fn plain_row(mut line: &[u8], separator: Separator, row: &mut [f64]) -> Option<()> {
     let Separator::Byte(separator) = separator else { return None };
     for (place, value) in row.iter_mut().enumerate() {

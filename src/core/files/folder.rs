@@ -237,7 +237,7 @@ mod tests {
         assert!(!path.exists(), "the folder that was made for it went with it");
     }
 
-    /// Two writers write 200 files each. Finally, the folder contains the complete set of one of
+    /// Three writers write 200 files each. Finally, the folder contains the complete set of one of
     /// them.
     #[test]
     fn two_writers_of_one_folder_never_mix() {

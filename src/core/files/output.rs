@@ -36,6 +36,16 @@ pub struct Output {
     sink: Sink,
 }
 
+/// Care that is taken of a file's content.
+#[derive(Clone, Copy, PartialEq)]
+enum Durability {
+    /// The content may still be in the system's cache when the file receives its name.
+    Cached,
+    /// The content is synced to the disk, and its digest is computed, for a file to which other
+    /// files refer.
+    Synced,
+}
+
 #[derive(Debug)]
 enum Sink {
     StandardOutput,
@@ -73,7 +83,7 @@ impl Output {
 
     /// Does the same as [`Self::keep`] with content that `write` produces piece by piece.
     pub fn keep_with(self, write: impl FnOnce(&mut Buffer<'_>) -> Written) -> Result<PathBuf> {
-        self.finish(write, false)?.keep()
+        self.finish(write, Durability::Cached)?.keep()
     }
 
     /// Does the same as [`Self::keep`], but syncs the content before the file has its final name.
@@ -87,18 +97,18 @@ impl Output {
     ///
     /// Returns [`Error::Io`]. If there is an error, a regular file is left unchanged.
     pub fn write_with(self, write: impl FnOnce(&mut Buffer<'_>) -> Written) -> Result<WholeFile> {
-        self.finish(write, true)
+        self.finish(write, Durability::Synced)
     }
 
-    /// Writes the content with `write`. If `is_durable`, syncs the file to the disk and computes
-    /// its digest, as is needed for a file that others refer to.
+    /// Writes the content with `write` to standard output, to a device, or to a staged file. A
+    /// staged file also receives the permissions of the file that it replaces, but not its final
+    /// name.
     fn finish(
         self,
         write: impl FnOnce(&mut Buffer<'_>) -> Written,
-        is_durable: bool,
+        durability: Durability,
     ) -> Result<WholeFile> {
-        // Standard output and devices are written to immediately. A staged file receives its
-        // permissions here, and its final name later.
+        let is_durable = durability == Durability::Synced;
         let Self { mut path, sink } = self;
         let mut staged = None;
         let written = match sink {

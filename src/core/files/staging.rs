@@ -17,6 +17,7 @@ const SUFFIX: &str = ".tmp";
 /// Name of the lock file in a folder.
 #[cfg(windows)]
 const LOCK: &str = ".noctograph-lock";
+/// Number of attempts to lock a folder, which take ten seconds with the pauses between them.
 #[cfg(windows)]
 const LOCK_TRIES: usize = 5000;
 #[cfg(windows)]
@@ -41,6 +42,7 @@ pub(super) fn file_in(folder: &Path) -> Result<NamedTempFile> {
         builder.prefix(PREFIX).suffix(SUFFIX);
         set_ordinary_mode(&mut builder);
         let file = builder.tempfile_in(folder)?;
+        // Without locks, the file is only not recognized as a leftover.
         let _ = file.as_file().lock();
         // Before this file was locked, another program may have removed it as a leftover.
         if file.path().exists() {
@@ -54,7 +56,7 @@ pub(super) fn file_in(folder: &Path) -> Result<NamedTempFile> {
 ///
 /// # Errors
 ///
-/// Returns [`Error::Io`](crate::error::Error::Io) if the folder is not writable.
+/// Returns the system's error if the folder is not writable.
 pub fn folder_in(folder: &Path) -> Result<(TempDir, Option<File>)> {
     remove_leftovers(folder);
     loop {
@@ -164,7 +166,7 @@ impl Place {
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Io`] if the path is a folder or is not writable.
+    /// Returns the system's error if the path is a folder or is not writable.
     pub(super) fn for_path(path: &Path) -> Result<Self> {
         // Windows returns no metadata for its null device.
         if cfg!(windows) && path.as_os_str().eq_ignore_ascii_case("NUL") {
@@ -195,6 +197,9 @@ pub(super) fn folder(path: &Path) -> &Path {
 
 /// Former files at the paths of a set of new files. The former files are restored unless all new
 /// files receive their names. On a file system without hard links, former files are not preserved.
+///
+/// Each entry consists of a path and of the second name of its former file, which is `None` if
+/// there was no file.
 #[derive(Debug, Default)]
 pub(super) struct Former(Vec<(PathBuf, Option<TempPath>)>);
 
@@ -208,11 +213,13 @@ impl Former {
     ) -> std::result::Result<T, E> {
         // A hard link preserves the former file under another name.
         let linked = place.map(|place| {
-            let link = |to: &Path| std::fs::hard_link(&place, to);
-            let link = Builder::new().prefix(PREFIX).suffix(SUFFIX).make_in(folder(&place), link);
+            let hard_link = |to: &Path| std::fs::hard_link(&place, to);
+            let builder = &mut Builder::new();
+            let link = builder.prefix(PREFIX).suffix(SUFFIX).make_in(folder(&place), hard_link);
             (place, link)
         });
         let replaced = replace()?;
+        // A file that cannot be linked for another reason than its absence cannot be restored.
         self.0.extend(linked.and_then(|(place, link)| match link {
             Ok(link) => Some((place, Some(link.into_temp_path()))),
             Err(error) => (error.kind() == ErrorKind::NotFound).then_some((place, None)),

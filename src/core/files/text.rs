@@ -27,7 +27,9 @@ impl<'a> Text<'a> {
         Self { bytes: Cow::Owned(from_windows_1252(&bytes).into_bytes()), notes }
     }
 
-    /// Converts UTF-16 to UTF-8, and single CRs to LF. Bytes in another encoding are unchanged.
+    /// Converts UTF-16 to UTF-8, removes a byte order mark, and converts single CRs to LF. Without
+    /// a byte order mark, UTF-16 is recognized by two ASCII characters at its beginning. Bytes in
+    /// another encoding are unchanged.
     pub fn of_unicode(bytes: &'a [u8]) -> Cow<'a, [u8]> {
         with_line_feeds(match bytes {
             [0xef, 0xbb, 0xbf, rest @ ..] => Cow::Borrowed(rest),
@@ -47,14 +49,15 @@ fn from_utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> Vec<u8> {
     text.collect::<String>().into_bytes()
 }
 
-/// True if bytes are not UTF-8 and contain no control characters.
+/// True if bytes are not UTF-8 and contain no control characters other than whitespace.
 fn is_windows_1252(bytes: &[u8]) -> bool {
+    // The error has no length if the text is UTF-8 up to a character that its end cuts off.
     std::str::from_utf8(bytes).is_err_and(|error| error.error_len().is_some())
         && !bytes.iter().any(|byte| *byte < 0x20 && !byte.is_ascii_whitespace())
 }
 
 /// Returns the text that bytes in Windows-1252 encode. The five bytes without a character become
-/// U+0000.
+/// control characters.
 fn from_windows_1252(bytes: &[u8]) -> String {
     let characters = bytes.iter().map(|byte| match byte {
         0x80..0xa0 => WINDOWS_1252.chars().nth(usize::from(byte - 0x80)).unwrap_or_default(),

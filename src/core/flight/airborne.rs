@@ -28,7 +28,7 @@ pub fn airborne(flight: &Flight) -> Option<Range<usize>> {
     let floor_m = heights_m.fold(f64::INFINITY, f64::min);
     // The loop tracks the longest stretch so far and the current one.
     let (mut longest, mut longest_s) = (0..0, 0.0);
-    let (mut stretch, mut landed_s) = (0..0, None);
+    let (mut stretch, mut break_s) = (0..0, None);
     for (index, sample) in flight.samples.iter().enumerate() {
         let is_flown = if flight.has(Quantity::Motors) {
             sample.motors.iter().all(|command| *command > FLYING_MOTOR_COMMAND)
@@ -39,13 +39,13 @@ pub fn airborne(flight: &Flight) -> Option<Range<usize>> {
         };
         if !is_flown {
             // A long break ends the current stretch.
-            let since_s = *landed_s.get_or_insert(sample.time_s);
+            let since_s = *break_s.get_or_insert(sample.time_s);
             if sample.time_s - since_s >= LONGEST_BREAK_S {
                 stretch = 0..0;
             }
             continue;
         }
-        landed_s = None;
+        break_s = None;
         let first = if stretch.is_empty() { index } else { stretch.start };
         stretch = first..index + 1;
         let lasts_s = sample.time_s - flight.samples[first].time_s;
@@ -66,13 +66,14 @@ impl FlightSample {
 }
 
 /// Returns the time in s during which a motor is at either end of its range, up to the command
-/// `motor_max`.
+/// `motor_max`. The state of a sample lasts until the next one.
 pub fn saturated_s(samples: &[FlightSample], motor_max: f64) -> f64 {
     let pairs = samples.windows(2).filter(|pair| pair[0].is_saturated(motor_max));
     pairs.fold(0.0, |sum_s, pair| sum_s + pair[1].time_s - pair[0].time_s)
 }
 
-/// True if a drone always stays within 0.1 m of the floor's height, whatever its motors do.
+/// True if a drone's height changes by less than 0.05 m and stays within 0.1 m of the floor's
+/// height, regardless of the motors. Without samples, the result is false.
 pub fn rests_on_floor(samples: &[FlightSample], floor_m: f64) -> bool {
     let heights_m = samples.iter().map(|sample| sample.position_m.z);
     let [low_m, high_m] = heights_m
@@ -87,7 +88,7 @@ pub fn on_floor(flight: &Flight) -> Option<String> {
         return None;
     }
     // The evidence and its order are the same as in `airborne`.
-    let most = |value: fn(&FlightSample) -> f64| {
+    let maximum = |value: fn(&FlightSample) -> f64| {
         flight.samples.iter().map(value).fold(f64::NEG_INFINITY, f64::max)
     };
     Some(if flight.samples.is_empty() {
@@ -96,17 +97,17 @@ pub fn on_floor(flight: &Flight) -> Option<String> {
         let weakest = |s: &FlightSample| s.motors.into_iter().fold(f64::INFINITY, f64::min);
         format!(
             "the weakest motor's command reaches {:.0} of 65535 (more than {FLYING_MOTOR_COMMAND} in flight)",
-            most(weakest)
+            maximum(weakest)
         )
     } else if flight.has(Quantity::Design) {
         format!(
             "setpoints reach {:.2} m (more than {FLYING_HEIGHT_M} m in flight)",
-            most(|s| s.design_m.z)
+            maximum(|s| s.design_m.z)
         )
     } else if !flight.has(Quantity::Position) {
         return None;
     } else {
-        let climb_m = most(|s| s.position_m.z) + most(|s| -s.position_m.z);
+        let climb_m = maximum(|s| s.position_m.z) + maximum(|s| -s.position_m.z);
         format!("the height changes by {climb_m:.2} m (more than {FLYING_HEIGHT_M} m in flight)")
     })
 }

@@ -36,6 +36,7 @@ const N_NUMBERS: usize = 24;
 impl Quantity {
     /// Returns the indices of the quantity's values in a sample.
     pub fn places(self) -> std::ops::Range<usize> {
+        // The time precedes all quantities, and each but the last, the motors, has three values.
         let start = 1 + 3 * self as usize;
         start..start + Self::TABLE[self as usize].2.len()
     }
@@ -70,10 +71,10 @@ impl Flight {
         header.extend(gap_column.map(|_| GAP.to_owned()));
         header.extend(self.extra.keys().cloned());
         let rows = self.samples.iter().enumerate().map(|(row, sample)| {
-            let numbers = sample.numbers();
-            let logged = indices.iter().map(move |&index| numbers[index]);
+            let all_numbers = sample.numbers();
+            let numbers = indices.iter().map(move |&index| all_numbers[index]);
             let further = self.lights.values().chain(gap_column).chain(self.extra.values());
-            logged.chain(further.map(move |column| column[row]))
+            numbers.chain(further.map(move |column| column[row]))
         });
         write_table(out, &header, rows)
     }
@@ -136,31 +137,12 @@ impl Flight {
     ///
     /// Returns [`Error::Input`](crate::error::Error::Input) with line and column.
     pub fn from_table(table: &Table) -> Result<Self> {
-        // Each of a sample's values is looked up by its column's name. A quantity must have either
-        // all of its columns or none.
         let time_s = table.times_s(TIME)?;
         let title_notes = title_notes(table)?;
-        let mut cells: [Option<&[f64]>; N_NUMBERS] = [None; N_NUMBERS];
-        cells[0] = Some(time_s);
-        let mut unlogged = BTreeSet::new();
-        for (quantity, _, names) in Quantity::TABLE {
-            if names.iter().any(|name| table.has(name)) {
-                for (cell, name) in cells[quantity.places()].iter_mut().zip(names) {
-                    *cell = Some(table.quantity(name)?);
-                }
-            } else {
-                unlogged.insert(quantity);
-            }
-        }
-        cells[N_NUMBERS - 1] = table.has(LETTER).then(|| table.quantity(LETTER)).transpose()?;
-        check_whole(table, LETTER, MAX_QUANTITY, "the number of a letter, or 0 outside letters")?;
+        let (samples, unlogged) = samples(table, time_s)?;
         check_whole(table, GAP, 1.0, "1 in the first row after a gap, else 0")?;
-        let samples = (0..table.n_rows()).map(|row| {
-            FlightSample::from_numbers(cells.map(|cell| cell.map_or(0.0, |column| column[row])))
-        });
-        let samples: Vec<FlightSample> = samples.collect();
-        // Lights and further columns are read next. A file that has neither further columns nor any
-        // quantity is refused because its first position column is missing.
+        // A file that has neither further columns nor any quantity is refused because its first
+        // position column is missing.
         let lights = light_columns(table)?;
         let further = table.columns_after("").filter(|(name, _)| !is_standard_column(name));
         let extra: BTreeMap<_, _> =
@@ -176,14 +158,39 @@ impl Flight {
     }
 }
 
+/// Returns the samples of a flight file's table with the times `time_s`, and the quantities that
+/// the file lacks. A quantity must have either all of its columns or none.
+fn samples(table: &Table, time_s: &[f64]) -> Result<(Vec<FlightSample>, BTreeSet<Quantity>)> {
+    // Each of a sample's values is looked up by its column's name, and is 0 without a column.
+    let mut cells: [Option<&[f64]>; N_NUMBERS] = [None; N_NUMBERS];
+    cells[0] = Some(time_s);
+    let mut unlogged = BTreeSet::new();
+    for (quantity, _, names) in Quantity::TABLE {
+        if names.iter().any(|name| table.has(name)) {
+            for (cell, name) in cells[quantity.places()].iter_mut().zip(names) {
+                *cell = Some(table.quantity(name)?);
+            }
+        } else {
+            unlogged.insert(quantity);
+        }
+    }
+    cells[N_NUMBERS - 1] = table.has(LETTER).then(|| table.quantity(LETTER)).transpose()?;
+    check_whole(table, LETTER, MAX_QUANTITY, "the number of a letter, or 0 outside letters")?;
+    let samples = (0..time_s.len()).map(|row| {
+        FlightSample::from_numbers(cells.map(|cell| cell.map_or(0.0, |column| column[row])))
+    });
+    Ok((samples.collect(), unlogged))
+}
+
 /// Returns the times of the samples before and after each gap, from the column that marks gaps.
 fn gaps(flags: &[f64], samples: &[FlightSample]) -> Vec<[f64; 2]> {
     let pairs = samples.windows(2).zip(flags.iter().skip(1)).filter(|(_, flag)| **flag != 0.0);
     pairs.map(|(pair, _)| [pair[0].time_s, pair[1].time_s]).collect()
 }
 
-/// Returns notes on columns whose names resemble that of a standard column. Returns an error if two
-/// columns have the same name. Names are compared by their letters and digits.
+/// Returns notes on columns whose names resemble that of a standard column. The resemblance ignores
+/// case and all characters except letters and digits. Returns an error if two columns have exactly
+/// the same name.
 fn title_notes(table: &Table) -> Result<Vec<String>> {
     fn bare(text: &str) -> String {
         text.chars().filter(char::is_ascii_alphanumeric).collect::<String>().to_lowercase()

@@ -5,8 +5,9 @@ use crate::statistics::median;
 /// Period in s of the firmware's slowest log block, which is stored in one byte in units of 10 ms.
 pub const SLOWEST_PERIOD_S: f64 = 2.55;
 
-/// Shortest step of any log, and shortest usual step, in s. The firmware logs at 100 Hz at most.
+/// Shortest step in s of any log.
 const FASTEST_PERIOD_S: f64 = 0.9e-4;
+/// Shortest usual step in s. The firmware logs over the radio at 100 Hz at most.
 const USUAL_PERIOD_S: f64 = 9.5e-3;
 
 /// Minimum duration in s of a flight. A 1 Hz log whose timestamps are mistaken for milliseconds
@@ -32,15 +33,16 @@ pub struct FoundUnit {
 /// ms to 2.55 s. A larger step is assumed to be in ms, in µs if it is at least 1000, or in ns if it
 /// is at least a million. A smaller step is assumed to be in the first of minutes, hours and days
 /// that makes it a usual step, or in days if the timestamps are present-day dates. Whole-number
-/// steps of 1 are assumed to be in ms, unless several rows have the same timestamp, or the log
-/// would be shorter than a flight. Any other step is assumed to be in seconds.
+/// steps of 1 or 2 are assumed to be in ms. A step of 1 is nevertheless assumed to be in seconds if
+/// several rows have the same timestamp, or if the log in ms would be shorter than a flight. Any
+/// other step is assumed to be in seconds.
 pub fn unit_of(timestamps: &[f64]) -> FoundUnit {
     // The unit follows from the median step and the limits of logs and flights.
     let steps = timestamps.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0);
     let step = median(steps).unwrap_or(0.0);
     let are_whole = timestamps.iter().filter(|t| t.is_finite()).all(|t| t.fract() == 0.0);
     let is_rising = timestamps.windows(2).all(|pair| pair[1] > pair[0]);
-    let is_long =
+    let is_flight_in_ms =
         timestamps.last().is_some_and(|last| last - timestamps[0] > 1e3 * SHORTEST_FLIGHT_S);
     let unit_s = match step {
         // A step above the slowest period in ns fits no unit, so seconds are assumed.
@@ -54,13 +56,14 @@ pub fn unit_of(timestamps: &[f64]) -> FoundUnit {
             let usual = USUAL_PERIOD_S..=SLOWEST_PERIOD_S;
             units.find(|unit_s| usual.contains(&(step * unit_s))).unwrap_or(1.0)
         }
-        step if are_whole && step > 0.0 && (step > 1.0 || is_rising && is_long) => 1e-3,
+        step if are_whole && step > 0.0 && (step > 1.0 || is_rising && is_flight_in_ms) => 1e-3,
         _ => 1.0,
     };
     // The step is rounded so that messages are short.
     let per_unit = if step < 1e-3 { 1e10 } else { 1e6 };
     let step = (step * per_unit).round() / per_unit;
-    let in_doubt = unit_s == 1.0 && step > 0.5 && (!are_whole || is_rising && !is_long);
+    // Steps of 0.5 s to 2.55 s are those of a slow log in seconds or of a fast one in ms.
+    let in_doubt = unit_s == 1.0 && step > 0.5 && (!are_whole || is_rising && !is_flight_in_ms);
     FoundUnit { unit_s, step, in_doubt }
 }
 

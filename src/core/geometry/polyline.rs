@@ -75,8 +75,8 @@ impl<const N: usize> Chords<N> {
     /// Chords of any slope.
     pub const ALL: Self = Self { least: [f64::NEG_INFINITY; N], greatest: [f64::INFINITY; N] };
 
-    /// Keeps only the chords whose offset after `elapsed_s` is between `low` and `high` on each
-    /// axis.
+    /// Keeps only the chords whose offset after `elapsed_s`, a positive time, is between `low` and
+    /// `high` on each axis.
     pub fn keep_between(&mut self, low: [f64; N], high: [f64; N], elapsed_s: f64) {
         for i in 0..N {
             self.least[i] = self.least[i].max(low[i] / elapsed_s);
@@ -84,7 +84,8 @@ impl<const N: usize> Chords<N> {
         }
     }
 
-    /// True if these chords include the one to a sample at `offset` after `elapsed_s`.
+    /// True if these chords include the one to a sample at `offset` after `elapsed_s`, a positive
+    /// time.
     pub fn contain(&self, offset: [f64; N], elapsed_s: f64) -> bool {
         (0..N).all(|i| (self.least[i]..=self.greatest[i]).contains(&(offset[i] / elapsed_s)))
     }

@@ -17,8 +17,8 @@ pub const RING_COLORS: [&str; 3] = ["ring.red", "ring.green", "ring.blue"];
 pub const COLOR_LED_COLORS: [&str; 4] =
     ["color-led.white", "color-led.red", "color-led.green", "color-led.blue"];
 
-/// Returns the bytes of a color, each dimmed to a level from 0 to 1, as one number whose first byte
-/// is the most significant, as the decks' parameters require.
+/// Returns up to four bytes of a color, each dimmed to a level from 0 to 1, as one number whose
+/// first byte is the most significant. This is the format of the decks' parameters.
 pub fn packed(bytes: &[u8], level: f64) -> u32 {
     #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
     let dimmed = |byte: u8| (f64::from(byte) * level.clamp(0.0, 1.0)).round() as u32;

@@ -24,8 +24,8 @@ settings! {
 }
 
 impl Deck {
-    /// Returns the deck's lamps, and the name of the channel that drives it unless the scene names
-    /// others.
+    /// Returns the deck's lamps, and the name of the channel that drives the deck unless the scene
+    /// names others.
     fn row(self) -> (Vec<Fixture>, &'static str) {
         match self {
             Self::LedRing => (led_ring(), HEADLIGHTS),
@@ -194,8 +194,8 @@ const MOTOR_M: f64 = 0.0325;
 /// clockwise on a circle of 13.7 mm, rounded to 0.01 mm, 12 mm below the drone's middle.
 fn ring_position_body_m(led: usize) -> [f64; 3] {
     let (sin, cos) = libm::sincos(led as f64 * core::f64::consts::FRAC_PI_6);
-    // Adding zero turns a negative zero into zero.
-    // The radius is in units of 0.01 mm, of which there are 1e5 in a meter.
+    // The radius is in units of 0.01 mm, of which there are 1e5 in a meter. Adding zero turns a
+    // negative zero into zero.
     let [forward_m, left_m] = [cos, -sin].map(|part| (1370.0 * part).round() / 1e5 + 0.0);
     [forward_m, left_m, -0.012]
 }

@@ -120,10 +120,9 @@ impl PlanData {
     pub fn commanded(&self) -> Vec<f64> {
         let mut highest = vec![0.0; self.setpoints.len()];
         for (_, levels) in self.lamps() {
-            highest
-                .iter_mut()
-                .zip(levels)
-                .for_each(|(most, level)| *most = f64::max(*most, *level));
+            for (most, level) in highest.iter_mut().zip(levels) {
+                *most = f64::max(*most, *level);
+            }
         }
         highest
     }
@@ -162,11 +161,11 @@ impl Rules for PlanData {
         check_times(self.setpoints.iter().map(|setpoint| setpoint.time_s))?;
         for (row, setpoint) in self.setpoints.iter().enumerate() {
             let Setpoint { position_m, velocity_m_s, acceleration_m_s2, .. } = setpoint;
+            // The columns of these vectors follow that of the time.
             let vectors = [position_m, velocity_m_s, acceleration_m_s2];
-            let mut numbers = vectors.into_iter().flatten().copied();
-            if let Some(odd) = numbers.clone().position(|value| !is_number(value)) {
-                let value = numbers.nth(odd).expect("it was there");
-                return Err(odd_number(csv::COLUMNS[1 + odd], row, value));
+            let numbers = vectors.into_iter().flatten().zip(&csv::COLUMNS[1..]);
+            if let Some((value, column)) = { numbers }.find(|(value, _)| !is_number(**value)) {
+                return Err(odd_number(column, row, *value));
             }
         }
         for (channel, levels) in &self.lights {

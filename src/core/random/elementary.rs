@@ -89,10 +89,11 @@ pub(super) fn sincos(x: f64) -> (f64, f64) {
     let reduced = a - ((z * (0.5 * b - v * r) - b) - v * S[0]);
     let sin = if quarters == 0.0 { a + v * (S[0] + z * r) } else { reduced };
 
-    let r = z * (C[0] + z * (C[1] + z * C[2])) + w * w * (C[3] + z * (C[4] + z * C[5]));
+    let r_cos = z * (C[0] + z * (C[1] + z * C[2])) + w * w * (C[3] + z * (C[4] + z * C[5]));
     let half = 0.5 * z;
-    let w = 1.0 - half;
-    let cos = w + (((1.0 - w) - half) + (z * r - a * b));
+    let largest = 1.0 - half;
+    // The second term is the rounding error of the first.
+    let cos = largest + (((1.0 - largest) - half) + (z * r_cos - a * b));
 
     // An odd number of quarter turns swaps sine and cosine, and each half turn changes a sign.
     let odd = (quarters == 1.0) | (quarters == 3.0);
@@ -113,17 +114,17 @@ pub(super) fn cos(x: f64) -> f64 {
     const WHOLE: f64 = 6_755_399_441_055_744.0;
     let quarters = (x * FRAC_2_PI + WHOLE) - WHOLE;
     let a = ((x - quarters * QUARTER[0]) - quarters * QUARTER[1]) - quarters * QUARTER[2];
-    // The quadrant is 0, 1, 2 or 3 modulo 4.
+    // The quadrant, from −2 to 2, is the number of quarter turns modulo 4.
     let fours = (quarters * 0.25 + WHOLE) - WHOLE;
-    let which = quarters - 4.0 * fours;
+    let quadrant = quarters - 4.0 * fours;
     let z = a * a;
     let w = z * z;
     let r = S[1] + z * (S[2] + z * S[3]) + z * w * (S[4] + z * S[5]);
     let sin = a + z * a * (S[0] + z * r);
-    let r = z * (C[0] + z * (C[1] + z * C[2])) + w * w * (C[3] + z * (C[4] + z * C[5]));
-    let cos = 1.0 - (0.5 * z - z * r);
-    let size = if which.abs() == 1.0 { sin } else { cos };
-    if (which == 1.0) | (which.abs() == 2.0) { -size } else { size }
+    let r_cos = z * (C[0] + z * (C[1] + z * C[2])) + w * w * (C[3] + z * (C[4] + z * C[5]));
+    let cos = 1.0 - (0.5 * z - z * r_cos);
+    let unsigned = if quadrant.abs() == 1.0 { sin } else { cos };
+    if (quadrant == 1.0) | (quadrant.abs() == 2.0) { -unsigned } else { unsigned }
 }
 
 #[cfg(test)]

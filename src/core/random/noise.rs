@@ -118,14 +118,15 @@ struct Heights<'a>(&'a [Wave; WAVES], &'a Vector3<f64>);
 impl NullaryFnOnce for Heights<'_> {
     type Output = [f64; WAVES];
 
-    /// Returns the height of each wave at the place, from −1 to 1.
+    /// Returns the height of each wave at the position, from −1 to 1.
     #[inline(always)]
     fn call(self) -> [f64; WAVES] {
-        let Self(waves, place) = self;
+        let Self(waves, position_m) = self;
         let mut heights = [0.0; WAVES];
         for (height, wave) in heights.iter_mut().zip(waves) {
             let k = &wave.wavevector_rad_m;
-            *height = cos(k.x * place.x + k.y * place.y + k.z * place.z + wave.phase_rad);
+            let phase_rad = k.x * position_m.x + k.y * position_m.y + k.z * position_m.z;
+            *height = cos(phase_rad + wave.phase_rad);
         }
         heights
     }

@@ -22,6 +22,7 @@ const PAIRS: usize = 32;
 pub struct Normals {
     rng: ChaCha8Rng,
     block: Block,
+    /// Count of the block's numbers that have been drawn.
     drawn: usize,
 }
 
@@ -83,8 +84,8 @@ impl pulp::NullaryFnOnce for Fill<'_> {
     /// Fills the block from the drawn numbers, by the method of Box and Muller (1958).
     #[inline(always)]
     fn call(self) {
-        // The radius is √(−2 ln(1 − u₁)), and the angle is 2π u₂.
-        // Hard angles are corrected after the loop, so that the loop has no branch.
+        // The radius is √(−2 ln(1 − u₁)), and the angle is 2π u₂. Hard angles are corrected after
+        // the loop, so that the loop has no branch.
         let mut radii = [0.0; PAIRS];
         let mut hard = [false; PAIRS];
         for i in 0..PAIRS {

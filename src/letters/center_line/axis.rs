@@ -31,7 +31,8 @@ impl Axis {
     /// are the corners of triangles, whose circumcenters in the ink are the nodes. The axis is
     /// empty if there is no ink.
     pub(super) fn new(ink_edges: &[Vec<[f64; 2]>], ink: &Filled<'_>) -> Self {
-        // Otherwise, contours with a common edge would have samples that differ only by rounding.
+        // Samples are rounded to a grid, because contours with a common edge would otherwise have
+        // samples that differ only by rounding.
         let samples = ink_edges
             .iter()
             .flatten()
@@ -54,7 +55,7 @@ impl Axis {
                 axis.radii.push(radius_squared.sqrt());
             }
         }
-        // Links the centers by Voronoi edges, which are the dual of the triangles' sides.
+        // Centers are linked by Voronoi edges, which are the duals of the triangles' sides.
         axis.neighbors = vec![Vec::new(); axis.middles.len()];
         for side in mesh.undirected_edges() {
             let faces = [side.as_directed().face(), side.as_directed().rev().face()];

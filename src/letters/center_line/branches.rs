@@ -118,7 +118,7 @@ impl Branch {
 /// exactly one line.
 pub(super) fn chain(branches: &mut [Branch]) -> Vec<Vec<Knot>> {
     let mut lines = Vec::new();
-    // First follows lines from loose ends, and then closed lines.
+    // Lines from loose ends are followed first. The branches that then remain form closed lines.
     for from_loose in [true, false] {
         for begin in 0..branches.len() {
             for tail in [false, true] {
@@ -133,7 +133,7 @@ pub(super) fn chain(branches: &mut [Branch]) -> Vec<Vec<Knot>> {
 }
 
 /// Follows connected branches from an end of one of them, marks them as used, and returns their
-/// line. The end is the last point of the branch `begin` if `tail` is true.
+/// line without repeated knots. The end is the last point of the branch `begin` if `tail` is true.
 fn follow(branches: &mut [Branch], begin: usize, tail: bool) -> Vec<Knot> {
     let mut line: Vec<Knot> = Vec::new();
     let (mut index, mut enters_by_tail) = (begin, tail);

@@ -48,7 +48,8 @@ pub(super) fn lines(axis: &Axis, bends: &[bool], ink: &Filled<'_>) -> Vec<Vec<Kn
     let paths = axis.paths(&|node| is_key[node]);
     let (cluster_of, is_inner) = clusters(axis, &paths);
     let mut branches: Vec<Branch> = Vec::new();
-    // Lists the branches at each cluster, with true if a branch ends at it and false if it starts.
+    // At each cluster, a branch is listed with true if it ends there, and with false if it starts
+    // there.
     let mut branch_ends: Vec<Vec<(usize, bool)>> = vec![Vec::new(); axis.middles.len()];
     for (path, _) in paths.iter().zip(&is_inner).filter(|(_, is_inner)| !**is_inner) {
         let (first, last) = (path[0], path[path.len() - 1]);
@@ -126,6 +127,7 @@ impl Joint<'_> {
     /// as far as a pen of its width stays in the ink, and the ends are averaged. If any arms are
     /// vertical or horizontal, only these are averaged, so that they stay straight.
     fn meeting_point(&self, arms: &[Arm], crossing: [f64; 2]) -> [f64; 2] {
+        /// Number of steps in which an arm is extended to the crossing.
         const STEPS: u32 = 40;
         let mut upright: Vec<&Arm> = arms.iter().collect();
         upright.retain(|arm| arm.away[0].abs().min(arm.away[1].abs()) < UPRIGHT);
@@ -133,21 +135,23 @@ impl Joint<'_> {
             upright.extend(arms);
         }
         let ends = upright.iter().map(|arm| {
-            // Selects the farthest of even steps at which the pen's end is still in the ink.
+            // The reach is negative, because the crossing lies opposite to the arm's direction. The
+            // arm ends at the farthest step at which the tip of the pen is still in the ink.
             let reach = dot(minus(crossing, arm.from), arm.away).min(0.0);
             let mut steps = (0..=STEPS).rev().map(|k| reach * f64::from(k) / f64::from(STEPS));
             let inked = steps.find(|s| self.ink.holds(ahead(arm.from, arm.away, s - arm.radius)));
             ahead(arm.from, arm.away, inked.unwrap_or(0.0))
         });
-        let mean = mean(&ends.collect::<Vec<_>>());
-        if self.is_near(mean, REACH) { mean } else { self.middle }
+        let meeting_point = mean(&ends.collect::<Vec<_>>());
+        if self.is_near(meeting_point, REACH) { meeting_point } else { self.middle }
     }
 }
 
 /// Connects the arms of a junction. Arms that continue straight through are joined by a curve, on
 /// which the others end. If there are none, all arms meet in a point.
 fn meet(branches: &mut [Branch], arms: &[Arm], joint: &Joint<'_>) {
-    // Joins the straightest pair first. Each arm of a pair gets half of the curve in between.
+    // The straightest pair is joined first. Each arm of a pair receives half of the curve between
+    // them.
     let mut free: Vec<usize> = (0..arms.len()).collect();
     let mut through: Vec<Vec<[f64; 2]>> = Vec::new();
     let limit = if arms.len() == 2 { THROUGH_BEND } else { THROUGH };
@@ -182,7 +186,7 @@ fn meet_in_point(branches: &mut [Branch], arms: &[Arm], joint: &Joint<'_>) {
     for arm in arms {
         branches[arm.branch].aim(arm.tail, crossing.unwrap_or(point), point);
     }
-    // Joins the straightest pair. The other arms end in the point.
+    // The straightest pair is joined. The other arms end in the point.
     let mut free: Vec<usize> = (0..arms.len()).collect();
     if let Some((a, b)) = straightest(arms, &free, ANY_TURN) {
         join(branches, [&arms[a], &arms[b]], [corner(point), corner(point)]);

@@ -38,8 +38,8 @@ const BLOB: f64 = 0.8;
 /// Minimum radius of a dot, relative to the median half width of the strokes.
 const LEAST_DOT: f64 = 0.1;
 
-/// Minimum length of axis without a line, in half widths, that counts as a lost stroke. In the
-/// corner of a stroke's end the length is 0.9, and in a serif less than 2.
+/// Minimum length of a part of the axis without a line, in half widths, that counts as a lost
+/// stroke. In the corner of a stroke's end the length is 0.9, and in a serif less than 2.
 const LOST: f64 = 3.0;
 
 /// Length in cap heights of the line that represents a dot, as in the stroke fonts.
@@ -79,7 +79,7 @@ pub(super) fn center_lines(contours: &[Contour], budget: &Budget) -> CenterLines
     if !budget.spend_steps(STEPS_PER_SAMPLE * ink_edges.iter().map(Vec::len).sum::<usize>()) {
         return CenterLines::default();
     }
-    // Computes the medial axis, and removes its spurs before junctions are examined.
+    // The spurs of the medial axis are removed before junctions are examined.
     let mut axis = Axis::new(&ink_edges, &ink);
     let parts = parts(&axis.neighbors);
     let unpruned = axis.neighbors.clone();
@@ -102,8 +102,9 @@ pub(super) fn center_lines(contours: &[Contour], budget: &Budget) -> CenterLines
     CenterLines { lines, half_width, thickest, lost_length }
 }
 
-/// Replaces a connected part's lines with a dot if the part is short relative to its radius.
-/// `half_width` is half the usual width of strokes, in cap heights.
+/// Replaces a connected part's lines with a dot if the part is short relative to its radius, and
+/// not much thinner than the strokes. Does nothing if the budget is spent. `half_width` is half the
+/// usual width of strokes, in cap heights.
 fn replace_blob(
     part: &[usize],
     axis: &Axis,
@@ -156,7 +157,7 @@ fn lost_length(
     let untouched = Vec::from_iter((0..unpruned.len()).map(|node| {
         segments.iter().all(|ends| segment_distance(axis.middles[node], *ends) > axis.radii[node])
     }));
-    // Keeps only links between untouched nodes, and measures the connected parts.
+    // Only links between untouched nodes are kept. The connected parts are then measured.
     let mut links = unpruned.to_vec();
     for (node, links) in links.iter_mut().enumerate() {
         links.retain(|other| untouched[node] && untouched[*other]);

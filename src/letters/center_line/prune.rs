@@ -62,8 +62,9 @@ pub(super) fn prune(axis: &mut Axis, budget: &Budget) -> Vec<bool> {
     bends
 }
 
-/// Charges to the budget one walk from every end, each of which may visit all nodes. False if the
-/// budget is spent.
+/// Charges the walks from all loose ends to the budget. Returns false if the budget is spent. A
+/// walk stops at the first junction, so all walks together visit each node about once. Each walk
+/// costs as much as ten further nodes.
 fn spend_walks(axis: &Axis, budget: &Budget) -> bool {
     let ends = (0..axis.middles.len()).filter(|node| axis.degree(*node) == 1);
     budget.spend_steps(STEPS_PER_NODE * (axis.middles.len() + 10 * ends.count()))
@@ -127,8 +128,8 @@ fn is_stub(axis: &Axis, spur: &Path) -> bool {
     let cosine = dot(*a, *b);
     let away = direction(axis.middles[root], axis.middles[tip]);
     let askew = (dot(away, *a) - dot(away, *b)).abs();
-    // `sine` is that of half the angle between the arms. The disc in the crotch touches the inner
-    // corner and both outer sides.
+    // `sine` is that of half the angle between the arms, and is limited for parallel arms. The disc
+    // in the crotch touches the inner corner and both outer sides.
     let sine = ((1.0 - cosine) / 2.0).max(0.01).sqrt();
     let by_angle = STUB[0] * (1.0 - sine) / (2.0 * sine) + STUB[1];
     let [least_cosine, least, slope, most] = SHARP_STUB;

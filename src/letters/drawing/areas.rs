@@ -134,7 +134,7 @@ fn pen_overlap(contours: &[Contour], center: &CenterLines, budget: &Budget) -> f
     {
         return 0.0;
     }
-    // Counts grid points in the ink, and within half a pen's width of a center line.
+    // A grid point is penned if it lies within half a pen's width of a center line.
     let ink = Filled::new(contours, budget);
     let [left, bottom, right, top] = bounds(contours[0].iter().copied());
     let [mut n_both, mut n_any] = [0; 2];
@@ -154,7 +154,7 @@ fn pen_overlap(contours: &[Contour], center: &CenterLines, budget: &Budget) -> f
 /// `larger_px` is the larger side of the drawing.
 pub(super) fn lines(patches: &[Patch<'_>], larger_px: f64) -> Vec<Vec<[f64; 2]>> {
     let letters = Vec::from_iter(patches.iter().map(|patch| patch.is_letter(patches)));
-    // Measures the drawing's pen on its thin lines and on its letters.
+    // The drawing's pen is measured on its thin lines and on its letters.
     let thin = patches.iter().filter(|patch| patch.width <= THIN);
     let pen_px = median(thin.map(|patch| patch.pen_px[0])).unwrap_or(0.0);
     let written = patches.iter().zip(&letters).filter(|(_, is_letter)| **is_letter);

@@ -68,16 +68,16 @@ pub(super) fn read(
     file: &str,
 ) -> Result<Warned<Traced>> {
     let budget = Budget::new(file, "make the picture smaller, or draw less");
-    // Normalizes the picture: upright, on a plain background, and cropped if the sheet's corners
-    // are known.
-    let (mut picture, file_scale, is_checkered) = upright(bytes, &budget, file)?;
+    // The picture is turned upright, placed on a plain background, and cropped if the sheet's
+    // corners are known.
+    let Upright { mut picture, file_scale, is_checkered } = upright(bytes, &budget, file)?;
     let mut in_file = Map([[file_scale, 0.0, 0.0], [0.0, file_scale, 0.0], [0.0, 0.0, 1.0]]);
     let corners = corners(options, file)?;
     if let Some(corners) = corners {
         picture = square_on(&picture, &corners.map(|corner| corner.map(|x| x / file_scale)));
         in_file = Map::of_sheet(&corners, picture.dimensions());
     }
-    // Separates the ink, and rejects photographs of anything but lines.
+    // The ink is separated, and photographs of anything but lines are rejected.
     let mut field = Field::new(&picture).ok_or_else(|| blank(file))?;
     if corners.is_none() && field.has_grain && field.soft > SOFT {
         return Err(photograph(file));
@@ -171,10 +171,18 @@ fn unreadable(file: &str, cause: impl std::fmt::Display) -> Error {
     Error::input(file, cause, wanted, "choose another file, or save the picture as a smaller PNG")
 }
 
-/// Returns the picture upright, opaque and downscaled. Also returns the size of its pixels in
-/// pixels of the file, and true if it had a checkerboard. Returns [`Error::Input`] if the file is
-/// unsupported or broken.
-fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<(RgbImage, f64, bool)> {
+/// Picture that has been turned upright, placed on an opaque background, and downscaled.
+struct Upright {
+    picture: RgbImage,
+    /// Size of the picture's pixels in pixels of the file.
+    file_scale: f64,
+    /// True if a checkerboard that represented transparency has been removed.
+    is_checkered: bool,
+}
+
+/// Decodes a picture, removes a checkerboard, downscales the picture to [`LONGER_SIDE`] and turns
+/// it upright. Returns [`Error::Input`] if the file is unsupported or broken.
+fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<Upright> {
     refuse_foreign(bytes, file)?;
     let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
     let reader = reader.map_err(|e| unreadable(file, e))?;
@@ -202,7 +210,7 @@ fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<(RgbImage, f64, 
         f64::from(width.max(height)) / f64::from(picture.width().max(picture.height()));
     let is_opaque = !picture.color().has_alpha();
     let picture = if is_opaque { picture.into_rgb8() } else { on_ground(&picture.into_rgba8()) };
-    Ok((picture, file_scale, is_checkered))
+    Ok(Upright { picture, file_scale, is_checkered })
 }
 
 /// True for a picture of 8 bits without transparent pixels.
@@ -241,9 +249,9 @@ fn spend_decoding(bytes: &[u8], n_decoded: u64, budget: &Budget, file: &str) -> 
 
 /// Returns a transparent picture on a background from which its ink stands out.
 fn on_ground(picture: &RgbaImage) -> RgbImage {
-    // Pixels that are at least half opaque count.
+    // Only pixels that are at least half opaque are counted. Those that resemble a background would
+    // be lost on it.
     let opaque = picture.pixels().filter(|pixel| pixel.0[3] > 127);
-    // Counts the pixels that would be invisible on each background.
     let n_opaque = opaque.clone().count() as f64;
     let n_lost = GROUNDS.map(|ground| {
         let lost = opaque
@@ -256,22 +264,22 @@ fn on_ground(picture: &RgbaImage) -> RgbImage {
     let contrasting = (0..GROUNDS.len()).find(|k| n_lost[*k] <= LOST * n_opaque);
     let ground = if has_paper { GROUNDS[0] } else { GROUNDS[contrasting.unwrap_or(0)] };
     // Alpha compositing: value · α + background · (1 - α), rounded.
-    let mut opaque = RgbImage::new(picture.width(), picture.height());
-    for (pixel, rgba) in opaque.pixels_mut().zip(picture.pixels()) {
+    let mut composite = RgbImage::new(picture.width(), picture.height());
+    for (pixel, rgba) in composite.pixels_mut().zip(picture.pixels()) {
         let [.., alpha] = rgba.0.map(u32::from);
         for (channel, value) in pixel.0.iter_mut().zip(rgba.0) {
             let sum = u32::from(value) * alpha + u32::from(ground) * (255 - alpha);
             *channel = u8::try_from((sum + 127) / 255).unwrap_or(255);
         }
     }
-    opaque
+    composite
 }
 
 /// Replaces a checkerboard that represents transparency with one of its two grays. Returns true if
 /// there is a checkerboard, that is, if two grays cover most pixels in squares of one size.
 fn without_checkerboard(picture: &mut RgbImage) -> bool {
     let Some(grays) = two_grays(picture) else { return false };
-    // Counts the lengths, along rows, of runs of one gray between two runs of the other. Pixels
+    // The lengths of runs of one gray between two runs of the other are counted along rows. Pixels
     // between two squares may have an intermediate gray.
     let mut n_of_length = std::collections::BTreeMap::<usize, usize>::new();
     for row in picture.rows() {
@@ -285,7 +293,8 @@ fn without_checkerboard(picture: &mut RgbImage) -> bool {
             *n_of_length.entry(run[1].len()).or_default() += 1;
         }
     }
-    // Two thirds of the runs must have the usual length, and the mean per row must be at least one.
+    // Squares are at least 3 pixels wide. Two thirds of the runs must have the usual length, and
+    // there must be at least one run per row on average.
     let n_runs: usize = n_of_length.values().sum();
     let usual = n_of_length.iter().max_by_key(|(_, n)| **n).map_or(0, |(length, _)| *length);
     let n_usual: usize =
@@ -303,7 +312,9 @@ fn without_checkerboard(picture: &mut RgbImage) -> bool {
     true
 }
 
-/// Returns the two most frequent grays if they cover half of a picture, the second a fifth.
+/// Returns the most frequent gray of a picture, and the most frequent gray at a distance of
+/// [`GRAYS_APART`] from it. Returns `None` unless both together cover half of the picture, and the
+/// second a fifth.
 fn two_grays(picture: &RgbImage) -> Option<[u8; 2]> {
     let mut counts = [0_usize; 256];
     for [r, g, b] in picture.pixels().map(|pixel| pixel.0) {

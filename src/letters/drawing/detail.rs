@@ -29,9 +29,9 @@ const POINTS: f64 = 200.0;
 const STEPS_PER_PAIR: usize = 10;
 const STEPS_PER_POINT: usize = 500;
 
-/// Returns less detailed lines of a drawing whose larger side is `size`, and what is left out.
-/// Lines that continue each other are joined, short lines are dropped, and the rest is smoothed. A
-/// `detail` of 1 keeps everything, and 0 keeps the least.
+/// Returns less detailed lines of a drawing whose larger side is `size`, and the amount that is
+/// left out. Lines that continue each other are joined, short lines are dropped, and the rest is
+/// smoothed. A `detail` of 1 keeps everything, and 0 keeps the least.
 pub(super) fn reduced(
     lines: Vec<ColoredLine>,
     detail: f64,
@@ -68,7 +68,7 @@ fn joined(lines: Vec<ColoredLine>, gap: f64) -> Vec<ColoredLine> {
     let mut joined = Vec::new();
     for start in 0..remaining.len() {
         let Some((mut line, color)) = remaining[start].take() else { continue };
-        // Extends the line from its end, and then from its start.
+        // The line is extended from its end, and then, after it is reversed, from its start.
         for _ in 0..2 {
             while line[0] != line[line.len() - 1]
                 && let Some((index, is_backward)) = next_line(&line, color, &remaining, gap)
@@ -106,9 +106,9 @@ fn next_line(
         for (is_backward, ends) in [(false, [0, 1]), (true, [last, last - 1])] {
             let [near, then] = ends.map(|end| next[end]);
             let is_open = next[0] != next[last];
-            let gap = distance(end, near);
-            if is_open && gap < nearest && dot(ahead, direction(near, then)) > STRAIGHT {
-                (best, nearest) = (Some((index, is_backward)), gap);
+            let apart = distance(end, near);
+            if is_open && apart < nearest && dot(ahead, direction(near, then)) > STRAIGHT {
+                (best, nearest) = (Some((index, is_backward)), apart);
             }
         }
     }

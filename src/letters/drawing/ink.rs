@@ -54,13 +54,19 @@ const GRAIN: f64 = 1e-3;
 /// Quantile of the ink's contrast that is taken as the contrast of strong ink.
 const STRONG: f64 = 0.97;
 
-/// Soft tones between paper and strong ink: their range relative to the contrast of strong ink, the
-/// range of their change from one side to the other, and the number of pixels on each side.
-type Tones = (Range<f64>, Range<f64>, usize);
+/// Soft tones between paper and strong ink, which change slowly.
+struct Tones {
+    /// Contrasts relative to that of strong ink.
+    contrasts: Range<f64>,
+    /// Changes of contrast from one side of a pixel to the other, relative to strong ink.
+    changes: Range<f64>,
+    /// Distance in pixels from a pixel to both sides.
+    step: usize,
+}
 /// The soft tones of a photograph.
-const PHOTO: Tones = (0.2..0.8, 0.0..0.12, 2);
+const PHOTO: Tones = Tones { contrasts: 0.2..0.8, changes: 0.0..0.12, step: 2 };
 /// The soft tones of glare or a shadow on paper of one color, above the noise of a JPEG.
-const GLARE: Tones = (0.1..0.4, 0.02..0.08, 6);
+const GLARE: Tones = Tones { contrasts: 0.1..0.4, changes: 0.02..0.08, step: 6 };
 /// Fraction of glare in a picture above which its paper does not count as one color.
 const GLARING: f64 = 0.01;
 
@@ -127,12 +133,12 @@ impl Field {
         } else {
             0.0
         };
-        let faint = least.max(least_fraction * strong);
+        let faintest = least.max(least_fraction * strong);
         let ink = contrast.iter().zip(&levels);
-        let ink = ink.map(|(contrast, level)| (contrast / level.max(faint / EDGE)).min(1.0));
+        let ink = ink.map(|(contrast, level)| (contrast / level.max(faintest / EDGE)).min(1.0));
         let ink = ink.collect();
-        let n_faint = levels.iter().filter(|level| (least..faint).contains(*level)).count();
-        let n_soft = tones(&contrast, width, strong, if has_grain { PHOTO } else { GLARE });
+        let n_faint = levels.iter().filter(|level| (least..faintest).contains(*level)).count();
+        let n_soft = n_soft(&contrast, width, strong, if has_grain { PHOTO } else { GLARE });
         let [faint, soft] = [n_faint, n_soft].map(|n| n as f64 / contrast.len() as f64);
         let field = Self { width, height, ink, contrast, color, faint, is_photo, has_grain, soft };
         (strong > 0.0).then_some(field)
@@ -238,7 +244,7 @@ fn paper_around(
     values: &[Vec<f64>; CHANNELS],
     (width, height): (u32, u32),
 ) -> Vec<[f64; CHANNELS]> {
-    // Estimates the paper beside a pen's line, and the paper beside a filled shape.
+    // The paper is estimated both beside a pen's line and beside a filled shape.
     let (longer, width) = (width.max(height), width as usize);
     let [near, far] = [PEN, SHAPE].map(|part| {
         let paper = values.each_ref().map(|v| closed(v, width, longer.div_ceil(part) as usize));
@@ -254,8 +260,8 @@ fn paper_around(
         let is_dark = lights.iter().sum::<f64>() < SHADOW * CHANNELS as f64;
         f64::from(u8::from(is_dark || most > HUE * least))
     });
-    let filled = extremes(&filled.collect::<Vec<f64>>(), width, NEAR, f64::max);
-    let papers = near.into_iter().zip(far).zip(filled);
+    let with_edge = extremes(&filled.collect::<Vec<f64>>(), width, NEAR, f64::max);
+    let papers = near.into_iter().zip(far).zip(with_edge);
     papers.map(|((near, far), filled)| if filled > 0.0 { far } else { near }).collect()
 }
 
@@ -266,7 +272,8 @@ fn has_light_ink(picture: &RgbImage) -> bool {
     let luma = grayscale(picture);
     let [width, height] = [luma.width() as usize, luma.height() as usize];
     let block = width.max(height).div_ceil(BLOCKS);
-    // Measures the tones of each block separately, because light changes from block to block.
+    // The tones of each block are measured separately, because the light changes from block to
+    // block.
     let corners =
         (0..height).step_by(block).flat_map(|y| (0..width).step_by(block).map(move |x| (x, y)));
     let blocks: Vec<[f64; 3]> = corners
@@ -318,14 +325,15 @@ fn edge_pixels(picture: &RgbImage) -> impl Iterator<Item = [u8; 3]> {
     edge.map(|(.., pixel)| pixel.0)
 }
 
-/// Counts the pixels with slowly changing tones between paper and strong ink. `strong` is the
-/// contrast of strong ink, 0 to 1. `width` is that of the picture in pixels.
-fn tones(contrast: &[f64], width: usize, strong: f64, (between, slow, step): Tones) -> usize {
+/// Returns the number of pixels with slowly changing tones between paper and strong ink. `strong`
+/// is the contrast of strong ink, 0 to 1. `width` is that of the picture in pixels.
+fn n_soft(contrast: &[f64], width: usize, strong: f64, tones: Tones) -> usize {
+    let Tones { contrasts, changes, step } = tones;
     let inner = step * width..contrast.len().saturating_sub(step * width);
     let soft = inner.filter(|pixel| {
-        let change = |step: usize| contrast[pixel + step] - contrast[pixel - step];
-        between.contains(&(contrast[*pixel] / strong))
-            && slow.contains(&(libm::hypot(change(step), change(step * width)) / strong))
+        let change = |offset: usize| contrast[pixel + offset] - contrast[pixel - offset];
+        contrasts.contains(&(contrast[*pixel] / strong))
+            && changes.contains(&(libm::hypot(change(step), change(step * width)) / strong))
     });
     soft.count()
 }

@@ -128,15 +128,15 @@ impl Area<'_> {
         if self.even_odd { winding % 2 != 0 } else { winding != 0 }
     }
 
-    /// True if the area is a rectangle that covers a page, within some slack. All three are in user
-    /// units.
+    /// True if the area is a rectangle that covers a page with a width and a height, within
+    /// `slack`. These lengths are in user units, and the page lies below y = 0.
     pub(super) fn is_page(&self, [width, height]: [f64; 2], slack: f64) -> bool {
         let [left, bottom, right, top] = self.bounds;
         let is_as_wide = left <= slack && right >= width - slack;
         let is_as_high = top >= -slack && bottom <= slack - height;
         let area = self.contours.iter().map(|contour| outline::area(contour)).sum::<f64>();
-        let box_ = (right - left) * (top - bottom);
-        is_as_wide && is_as_high && (area.abs() - box_).abs() < ROUNDING * box_
+        let box_area = (right - left) * (top - bottom);
+        is_as_wide && is_as_high && (area.abs() - box_area).abs() < ROUNDING * box_area
     }
 
     /// True if the bounds of the area overlap a box (left, bottom, right and top).

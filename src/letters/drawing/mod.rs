@@ -117,7 +117,8 @@ fn of_svg(bytes: &[u8], options: &LetterOptions, ink: Ink, file: &str) -> Result
     let lines = drawing.flatten(options.tolerance_m / placing.scale, file)?;
     let mut detailed = Detailed::new(lines, size, |point| point, options, file)?;
     if !(options.ink.is_empty() && options.without.is_empty()) {
-        // The chosen strokes fill the canvas, and are flattened again for that size.
+        // The chosen strokes fill the canvas, and are flattened again for that size. The source
+        // remains that of the whole drawing, so that it does not depend on the choice.
         placing = Placing::new(extent(&detailed.lines), options, file)?;
         let lines = drawing.flatten(options.tolerance_m / placing.scale, file)?;
         let source = detailed.source;
@@ -203,7 +204,7 @@ fn by_color(
     ink: Ink,
     file: &str,
 ) -> Result<StrokesData> {
-    // Groups runs by color, in the order of the colors' first lines.
+    // Runs are grouped by color, in the order of the colors' first lines.
     let mut inks: Vec<(Color, Vec<Run>)> = Vec::new();
     for (_, (line, color)) in lines {
         match inks.iter_mut().find(|(other, _)| ink == Ink::Alike || other == color) {
@@ -243,8 +244,10 @@ fn with_reasons(error: Error, warnings: &[Diagnostic]) -> Error {
 
 /// The transform from a drawing's units (y up) to the plane of the word.
 struct Placing {
+    /// Left and lower edge of the drawing in its units.
     left: f64,
     bottom: f64,
+    /// Length in m of a unit of the drawing.
     scale: f64,
     /// The drawing's box in the plane of the word.
     cell: Cell,
@@ -277,7 +280,7 @@ impl Placing {
         Ok(Self { left, bottom, scale, cell })
     }
 
-    /// Returns the larger side of the drawing in its own units.
+    /// Returns the larger side of the drawing in the drawing's units.
     fn size(&self) -> f64 {
         self.cell.width_m.max(self.cell.cap_height_m) / self.scale
     }

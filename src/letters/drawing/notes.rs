@@ -10,7 +10,7 @@ use std::str::FromStr as _;
 
 use usvg::roxmltree::Node;
 
-use super::styles::{Named, Styles, has_escapes};
+use super::styles::{Declaration, Named, Styles, has_escapes};
 
 /// Properties that are supported, only affect text, or do not change a line's position and color.
 const KNOWN: &str = "align-items alignment-baseline all-space-treatment aria-label background \
@@ -79,8 +79,8 @@ pub(super) fn has(words: &str, word: &str) -> bool {
 /// The XML namespace of drawings.
 pub(super) const SVG: &str = "http://www.w3.org/2000/svg";
 
-/// Rewrites the text of a file in terms that usvg knows: replaces https in namespaces, `:root`,
-/// `background:` and units in CSS transforms.
+/// Rewrites the text of a file in terms that usvg knows: replaces https in namespaces, `:root` and
+/// `background:`, and removes units from CSS transforms.
 pub(super) fn in_words_of_usvg(mut text: String) -> String {
     for namespace in ["2000/svg", "1999/xlink"] {
         for quote in ['"', '\''] {
@@ -149,7 +149,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
                     self.empty(node);
                     return Ok(());
                 }
-                _ if self.is_left_out(node) => {
+                _ if self.note_declarations(node) => {
                     self.edits.push((node.range(), String::new()));
                     return Ok(());
                 }
@@ -184,6 +184,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         let name = node.tag_name().name();
         let mut texts = node.descendants().filter_map(|part| part.text());
         let is_borrowed = node.children().any(|part| part.tag_name().name() == "tref");
+        // A text of only white space is invisible, unless it borrows the text of another element.
         if name == "text" && !is_borrowed && texts.all(|text| text.trim().is_empty()) {
             return Ok(());
         }
@@ -223,21 +224,22 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         self.edits.push((range, shape));
     }
 
-    /// Names the unsupported features of an element. Returns true if it would be misplaced, so that
-    /// it is left out.
-    fn is_left_out(&mut self, node: Node<'a, 'input>) -> bool {
+    /// Notes the unsupported declarations of an element. Returns true if one of them would misplace
+    /// the element, which must then be left out.
+    fn note_declarations(&mut self, node: Node<'a, 'input>) -> bool {
         let mut is_left_out = false;
-        for (name, value, of_css) in self.styles.declared(node).iter().copied() {
-            let value = value.trim();
+        for declared in self.styles.declared(node).iter().copied() {
+            let declared = Declaration { value: declared.value.trim(), ..declared };
+            let Declaration { name, value, of_css } = declared;
             // Only the effective value matters. CSS variables by themselves have no effect.
             if of_css && name.starts_with("--") || self.styles.value(node, name) != Some(value) {
                 continue;
             }
-            let note = if self.is_misplaced(node, name, value, of_css) {
+            let note = if self.is_misplaced(node, declared) {
                 is_left_out = true;
                 Some((shown(name, value), "left out"))
             } else {
-                self.note(node, name, value, of_css)
+                self.note(node, declared)
             };
             if let Some((what, how)) = note {
                 self.named.add(what, how, node);
@@ -246,9 +248,9 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         is_left_out
     }
 
-    /// True if a declaration moves an element in a way that is not supported. `of_css` is true in a
-    /// style or a style sheet, and false for an attribute.
-    fn is_misplaced(&self, node: Node<'a, 'input>, name: &str, value: &str, of_css: bool) -> bool {
+    /// True if a declaration moves an element in a way that is not supported.
+    fn is_misplaced(&self, node: Node<'a, 'input>, declared: Declaration<'a>) -> bool {
+        let Declaration { name, value, of_css } = declared;
         let tag = node.tag_name().name();
         let is_page = tag == "svg" && node.parent_element().is_none();
         match name {
@@ -265,22 +267,20 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
     }
 
     /// Returns the name of a declaration that is not drawn as in a browser, and how it is drawn.
-    /// Returns `None` if it is drawn as in a browser. `of_css` is true in a style or a style sheet,
-    /// and false for an attribute.
+    /// Returns `None` if it is drawn as in a browser.
     fn note(
         &self,
         node: Node<'a, 'input>,
-        name: &str,
-        value: &str,
-        of_css: bool,
+        declared: Declaration<'a>,
     ) -> Option<(String, &'static str)> {
+        let Declaration { name, value, of_css } = declared;
         let tag = node.tag_name().name();
         let target = self.styles.target(value).map_or("", |target| target.tag_name().name());
         if let Some(note) = paint_note(name, value, target) {
             return Some(note);
         }
         Some(match name {
-            // Handles declarations that refer to other elements.
+            // The first declarations refer to other elements.
             "marker-start" | "marker-mid" | "marker-end" | "marker"
                 if target == "marker"
                     && node.ancestors().any(|node| node.tag_name().name() == "marker") =>
@@ -290,7 +290,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
             "href" if tag == "use" && !value.starts_with('#') => {
                 ("another file (`use`)".into(), "not followed")
             }
-            // Handles declarations of paths.
+            // The next declarations are those of paths.
             "d" if !of_css
                 && tag == "path"
                 && svgtypes::PathParser::from(value).any(|part| part.is_err()) =>
@@ -306,14 +306,14 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
             }
             "systemLanguage" => (name.to_owned(), "taken for English"),
             "filter" | "mix-blend-mode" if !is_neutral(value) => (name.to_owned(), "not followed"),
-            _ if self.is_ignored(node, name, value, of_css) => (shown(name, value), "not followed"),
+            _ if self.is_ignored(node, declared) => (shown(name, value), "not followed"),
             _ => return None,
         })
     }
 
-    /// True if a declaration has an effect in browsers but not here. `of_css` is true in a style or
-    /// a style sheet, and false for an attribute.
-    fn is_ignored(&self, node: Node<'a, 'input>, name: &str, value: &str, of_css: bool) -> bool {
+    /// True if a declaration has an effect in browsers but not here.
+    fn is_ignored(&self, node: Node<'a, 'input>, declared: Declaration<'a>) -> bool {
+        let Declaration { name, value, of_css } = declared;
         let is_shape = has(SHAPES, node.tag_name().name());
         let is_reset = has("initial unset revert revert-layer", value);
         match name {

@@ -40,7 +40,7 @@ const SLANT: f64 = 0.3;
 /// A piece of a line that is in front.
 struct Piece {
     element: usize,
-    /// Half the width of the piece's stroke, if that is opaque.
+    /// Half the width of the piece's stroke, or 0 if the stroke is not opaque.
     reach: f64,
     ends: [[f64; 2]; 2],
 }
@@ -158,7 +158,7 @@ impl<'a> Front<'a> {
     ) -> Option<f64> {
         let Piece { element: other, reach, ends } = &self.pieces[piece];
         let reach = if *other == element { self.near } else { reach.max(self.near) };
-        // Projects the position onto the piece.
+        // The position is projected onto the piece.
         let along = minus(ends[1], ends[0]);
         let fraction = dot(minus(place, ends[0]), along) / dot(along, along);
         let is_beside = (-END_SLACK..=1.0 + END_SLACK).contains(&fraction);
@@ -175,7 +175,8 @@ impl<'a> Front<'a> {
         }
         let mut stretches: Vec<Stretch> = Vec::new();
         for [from, to] in segments(line).flat_map(|ends| cut(ends, 0.5 * self.cell)) {
-            // Tests each piece of half a cell once, and bisects where two results differ.
+            // Each piece of half a cell is tested once. If the results of neighboring pieces
+            // differ, the change is located by bisection.
             let along = minus(to, from);
             let here = self.cover(between(from, to, 0.5), along, element);
             match stretches.last_mut() {
@@ -210,7 +211,8 @@ impl<'a> Front<'a> {
 /// line without width.
 fn visible_parts(stretches: Vec<Stretch>, line: &[[f64; 2]], near: f64) -> Vec<Vec<[f64; 2]>> {
     let is_closed = is_closed(line);
-    // First, short gaps between covered stretches become covered.
+    // First, gaps between covered stretches that are shorter than the strokes around them are wide
+    // become covered.
     let mut stretches = joined(stretches, is_closed);
     let covers: Vec<Option<f64>> = stretches.iter().map(|stretch| stretch.1).collect();
     for (index, (points, cover)) in stretches.iter_mut().enumerate() {

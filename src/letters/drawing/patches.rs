@@ -17,7 +17,11 @@ const LEAST: f64 = 2e-3;
 /// Maximum side of a speck, relative to the picture's longer side and to the mean width of the
 /// largest patch.
 const SPECK: [f64; 2] = [1e-2, 0.65];
+/// Maximum ink of all specks, relative to that of the other patches. With more ink, the drawing
+/// consists of dots.
 const SPECKLED: f64 = 0.5;
+/// Minimum area of a patch or a hole in square pixels, at any size of the picture.
+const LEAST_AREA_PX: f64 = 2.0;
 
 /// Minimum length along the picture's edge of a patch that surrounds the paper, relative to the
 /// longer side.
@@ -94,10 +98,11 @@ type GridEdge = (usize, bool);
 
 impl Field {
     /// Returns patches of ink, each a contour with its holes, and the number of dropped patches.
-    /// Dropped patches surround the paper, or cross the edge of a photograph, such as a hand.
+    /// Dropped patches surround the paper, or cross the edge of a photograph, such as a hand. If no
+    /// other patch remained, none is dropped.
     pub(super) fn patches(&self) -> (Vec<Vec<Contour>>, usize) {
         let side = self.width.max(self.height) as f64;
-        let patches = nested(self.contours(), (LEAST * side * LEAST * side).max(2.0));
+        let patches = nested(self.contours(), (LEAST * side * LEAST * side).max(LEAST_AREA_PX));
         let (dropped, patches): (Vec<_>, Vec<_>) = patches.into_iter().partition(|patch| {
             let along = self.length_along_edge(&patch[0]);
             let is_over = mean_stroke_width(patch) > OVER_EDGE * side
@@ -209,7 +214,7 @@ impl Field {
 
     /// Returns the fully saturated hue of the ink along a line in pixels, or black for gray ink.
     pub(super) fn hue(&self, line: &[[f64; 2]]) -> [u8; 3] {
-        // Averages the colors of four points per segment, ignoring points outside the ink.
+        // The colors of four points per segment are averaged. Points outside the ink are ignored.
         let mut sum = [0.0; 3];
         let [mut n_pixels, mut contrast] = [0.0; 2];
         for [from, to] in segments(line) {
@@ -259,8 +264,9 @@ pub(super) fn without_specks(patches: Vec<Vec<Contour>>, side: f64) -> (Vec<Vec<
         (right - left).max(top - bottom) <= max_side
     });
     let n_specks = specks.len();
-    // A drawing of dots has no specks. `SPECKLED` is relative to the ink of the drawn patches.
-    if specks.iter().map(ink).sum::<f64>() > SPECKLED / (1.0 + SPECKLED) * total {
+    // A drawing of dots has no specks.
+    let speck_ink: f64 = specks.iter().map(ink).sum();
+    if speck_ink > SPECKLED * (total - speck_ink) {
         return (drawn.into_iter().chain(specks).collect(), 0);
     }
     (drawn, n_specks)

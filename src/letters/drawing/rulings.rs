@@ -3,8 +3,11 @@
 use super::ink::Field;
 use super::patches::FAINT;
 
-/// Minimum number of rulings on a page, and on a page with further rulings too faint to be ink.
-const LEAST: [usize; 2] = [4, 1];
+/// Minimum number of rulings on a page. Fewer straight lines may belong to the drawing.
+const LEAST: usize = 4;
+/// Minimum number of rulings on a page that also has marks too faint to be ink, which are probably
+/// further rulings.
+const LEAST_BESIDE_FAINT: usize = 1;
 /// Maximum slope of a ruling.
 const SLOPE: f64 = 0.02;
 /// Minimum inked fraction of a ruling's length, and minimum contrast along it relative to its ends.
@@ -27,6 +30,19 @@ const HALF: f64 = 0.5;
 const FRAME: usize = 8;
 /// Maximum width of a ruling, relative to the side that it crosses.
 const WIDTH: f64 = 0.012;
+/// Width in pixels of a blurred thin line, which is allowed in any picture.
+const BLURRED_PX: f64 = 6.0;
+/// Number of pixels on both sides of a ruling's dark part that may have some of its ink.
+const BLUR: usize = 2;
+
+/// Narrow mark of ink on a line across the picture.
+struct Mark {
+    /// Position of the mark's middle on the line, in pixels.
+    middle: f64,
+    /// Width of the mark's dark part in pixels.
+    width: usize,
+    contrast: f64,
+}
 
 /// A ruling.
 struct Ruling {
@@ -39,30 +55,35 @@ struct Ruling {
 }
 
 impl Field {
-    /// Drops the ink of rulings. A pen's line on a ruling stays because its ink is darker. Returns
-    /// the number of rulings, or 0 if there are too few or if the remaining ink is not darker.
+    /// Drops the ink of the paper's rulings, and returns their number. If the straight lines from
+    /// edge to edge belong to the drawing, nothing is dropped, and the number is 0.
     pub(super) fn drop_rulings(&mut self) -> usize {
         let rulings: Vec<Ruling> =
             [false, true].into_iter().flat_map(|is_upright| self.rulings(is_upright)).collect();
-        let darkest = rulings.iter().map(|ruling| ruling.contrast).fold(0.0, f64::max);
-        let n_dark = self.contrast.iter().filter(|contrast| PALE * **contrast > darkest).count();
-        // A few straight lines from edge to edge may belong to the drawing, unless faint ink shows
-        // further rulings. Without enough darker ink, the lines are the drawing itself.
-        if rulings.len() < LEAST[usize::from(self.faint > FAINT)]
-            || (n_dark as f64) < DRAWING * self.contrast.len() as f64
-        {
+        if !self.are_of_paper(&rulings) {
             return 0;
         }
-        // The width of a ruling is that of its dark part, so pixels beside that part may have ink.
-        for ruling in &rulings {
-            let places = 1..=self.length(ruling.is_upright);
-            let pixels = places.flat_map(|along| self.near(ruling, along, ruling.width / 2 + 2));
-            let pale = pixels.filter(|pixel| self.contrast[*pixel] < RULED * ruling.contrast);
-            for pixel in pale.collect::<Vec<usize>>() {
-                (self.ink[pixel], self.contrast[pixel]) = (0.0, 0.0);
-            }
-        }
+        rulings.iter().for_each(|ruling| self.erase(ruling));
         rulings.len()
+    }
+
+    /// True if lines from edge to edge are rulings of the paper: there are enough of them, and the
+    /// drawing has darker ink. Without darker ink, the lines are the drawing itself.
+    fn are_of_paper(&self, rulings: &[Ruling]) -> bool {
+        let least = if self.faint > FAINT { LEAST_BESIDE_FAINT } else { LEAST };
+        let darkest = rulings.iter().map(|ruling| ruling.contrast).fold(0.0, f64::max);
+        let n_dark = self.contrast.iter().filter(|contrast| PALE * **contrast > darkest).count();
+        rulings.len() >= least && n_dark as f64 >= DRAWING * self.contrast.len() as f64
+    }
+
+    /// Removes the ink of a ruling. A pen's line on the ruling remains because its ink is darker.
+    fn erase(&mut self, ruling: &Ruling) {
+        let places = 1..=self.length(ruling.is_upright);
+        let pixels = places.flat_map(|along| self.near(ruling, along, ruling.width / 2 + BLUR));
+        let pale = pixels.filter(|pixel| self.contrast[*pixel] < RULED * ruling.contrast);
+        for pixel in pale.collect::<Vec<usize>>() {
+            (self.ink[pixel], self.contrast[pixel]) = (0.0, 0.0);
+        }
     }
 
     /// Returns the number of the picture's pixels along a row, or along a column if `is_upright`.
@@ -95,19 +116,20 @@ impl Field {
     /// otherwise.
     fn rulings(&self, is_upright: bool) -> Vec<Ruling> {
         let length = self.length(is_upright);
-        // Finds narrow marks near both edges, then pairs those with ink all the way between them.
+        // Narrow marks near both edges are paired if there is ink all the way between them.
         let from_edge = |along: &dyn Fn(usize) -> usize| {
             let mut marks = (0..FRAME.min(length)).map(|k| self.marks(is_upright, along(k)));
             marks.find(|marks| !marks.is_empty()).unwrap_or_default()
         };
         let [first, last] = [from_edge(&|k| 1 + k), from_edge(&|k| length - k)];
-        let pairs = first.iter().filter_map(|(start, width, contrast)| {
-            let ends = last.iter().filter(|mark| (mark.0 - start).abs() <= SLOPE * length as f64);
-            ends.map(|mark| Ruling {
+        let pairs = first.iter().filter_map(|start| {
+            let is_level = |end: &&Mark| (end.middle - start.middle).abs() <= SLOPE * length as f64;
+            let ends = last.iter().filter(is_level);
+            ends.map(|end| Ruling {
                 is_upright,
-                ends: [*start, mark.0],
-                width: (*width).max(mark.1),
-                contrast: contrast.min(mark.2),
+                ends: [start.middle, end.middle],
+                width: start.width.max(end.width),
+                contrast: start.contrast.min(end.contrast),
             })
             .find_map(|ruling| self.inked(ruling))
         });
@@ -130,9 +152,9 @@ impl Field {
         (least >= INKED * ruling.contrast).then_some(Ruling { contrast, ..ruling })
     }
 
-    /// Returns the middle in pixels, the width in pixels and the contrast of each narrow mark of
-    /// ink on a line across the picture. Rulings are upright if `is_upright` is true.
-    fn marks(&self, is_upright: bool, along: usize) -> Vec<(f64, usize, f64)> {
+    /// Returns the narrow marks of ink on the line across the picture at the position `along` of
+    /// the rulings. Rulings are upright if `is_upright` is true.
+    fn marks(&self, is_upright: bool, along: usize) -> Vec<Mark> {
         let side = self.length(!is_upright);
         let contrast = |across: usize| {
             let pixel = self.pixel_across(is_upright, along, across);
@@ -142,14 +164,15 @@ impl Field {
         let mut start = 0;
         let mut marks = Vec::new();
         for run in contrasts.chunk_by(|a, b| (*a > 0.0) == (*b > 0.0)) {
-            // Selects the dark part of the run, which ends at the picture's margin of paper.
+            // A mark is the dark part of a run. The margin of paper ends the runs at the edge.
             let most = run.iter().copied().fold(0.0, f64::max);
             let dark = |contrast: &f64| *contrast >= HALF * most;
             let (from, to) = (run.iter().position(dark), run.iter().rposition(dark));
             let (from, to) = (from.unwrap_or(0), to.unwrap_or(0));
             let width = to + 1 - from;
-            if most > 0.0 && width as f64 <= (WIDTH * side as f64).max(6.0) {
-                marks.push(((start + from) as f64 + 0.5 * (width - 1) as f64, width, most));
+            if most > 0.0 && width as f64 <= (WIDTH * side as f64).max(BLURRED_PX) {
+                let middle = (start + from) as f64 + 0.5 * (width - 1) as f64;
+                marks.push(Mark { middle, width, contrast: most });
             }
             start += run.len();
         }

@@ -91,7 +91,7 @@ impl<'a, 'input> Counting<'a, '_, 'input> {
             None => {}
         }
         self.known.insert(node, None);
-        // Adds up the work of the element and of the parts that usvg would repeat with it.
+        // The work of an element includes that of the parts that usvg would repeat with it.
         let mut work = self.single(node)?;
         let mut n_levels = 1;
         for part in self.parts(node) {
@@ -115,7 +115,7 @@ impl<'a, 'input> Counting<'a, '_, 'input> {
     /// Returns the work of an element without its parts. The error names the cause.
     fn single(&self, node: Node<'a, 'input>) -> Result<Work, String> {
         let declared = self.styles.declared(node);
-        let n_bytes: usize = declared.iter().map(|(_, value, _)| value.len()).sum();
+        let n_bytes: usize = declared.iter().map(|declared| declared.value.len()).sum();
         // Basic shapes have up to ten vertices. A path command takes at least two bytes.
         let paths = ["d", "points"].map(|name| self.styles.value(node, name).map_or(0, str::len));
         let n_vertices = 10 + (paths[0] + paths[1]) / 2;
@@ -130,7 +130,8 @@ impl<'a, 'input> Counting<'a, '_, 'input> {
             return Vec::new();
         }
         let declared = self.styles.declared(node).iter();
-        let linked = declared.filter_map(|(name, value, _)| self.linked(tag, name, value));
+        let linked =
+            declared.filter_map(|declared| self.linked(tag, declared.name, declared.value));
         node.children().filter(Node::is_element).chain(linked).collect()
     }
 

@@ -47,9 +47,11 @@ const HELP: &str = "convert the element to plain paths in the drawing's editor";
 pub(super) struct Named(BTreeMap<(String, &'static str), (usize, usize)>);
 
 impl Named {
-    /// Counts an element with a feature, under the name and the treatment of the feature.
+    /// Counts an element with a feature, under the name and the treatment of the feature. A long
+    /// name is cut. Once the list is full, features with new names are counted as `other
+    /// properties`.
     pub(super) fn add(&mut self, what: impl Into<String>, how: &'static str, node: Node<'_, '_>) {
-        // Keeps the list short for a file with many unusual names.
+        // A file may contain any number of unusual names, but the list must remain readable.
         let mut key = (what.into().chars().take(MAX_NAME_LENGTH).collect(), how);
         if !self.0.contains_key(&key) && self.0.len() >= MAX_NAMES {
             key = ("other properties".to_owned(), "not followed");
@@ -111,13 +113,18 @@ pub(super) fn check_text(xml: &str, budget: &Budget) -> std::result::Result<(), 
     Ok(())
 }
 
-/// Declarations of an element: name, value, and whether it comes from CSS. If a name occurs several
-/// times, its last value applies.
-pub(super) type Declared<'a> = Vec<(&'a str, &'a str, bool)>;
+/// Declaration of an element. If a name is declared several times, its last value applies.
+#[derive(Clone, Copy)]
+pub(super) struct Declaration<'a> {
+    pub(super) name: &'a str,
+    pub(super) value: &'a str,
+    /// True in a style or a style sheet, false for an attribute.
+    pub(super) of_css: bool,
+}
 
-/// The declarations of all elements, and the number of steps to compute them.
+/// The declarations of all elements, and the number of steps to match the rules with each element.
 pub(super) struct Styles<'a, 'input> {
-    declared: HashMap<NodeId, (Declared<'a>, usize)>,
+    declared: HashMap<NodeId, (Vec<Declaration<'a>>, usize)>,
     ids: HashMap<&'a str, Node<'a, 'input>>,
     /// Text of all style sheets.
     sheets: String,
@@ -156,9 +163,8 @@ impl<'a, 'input> Styles<'a, 'input> {
         Ok(Self { declared: all_declared, ids, sheets })
     }
 
-    /// Returns the declarations of an element: name, value, and true if it comes from CSS rather
-    /// than from an attribute. A later declaration of a name replaces earlier ones.
-    pub(super) fn declared(&self, node: Node<'_, '_>) -> &[(&'a str, &'a str, bool)] {
+    /// Returns the declarations of an element, in ascending order of precedence.
+    pub(super) fn declared(&self, node: Node<'_, '_>) -> &[Declaration<'a>] {
         self.declared.get(&node.id()).map_or(&[], |(declared, _)| declared)
     }
 
@@ -170,7 +176,7 @@ impl<'a, 'input> Styles<'a, 'input> {
     /// Returns the effective value of an element's property or attribute, if it is declared.
     pub(super) fn value(&self, node: Node<'_, '_>, name: &str) -> Option<&'a str> {
         let declared = self.declared(node).iter().rev();
-        declared.filter(|entry| entry.0 == name).map(|entry| entry.1.trim()).next()
+        { declared }.find(|declared| declared.name == name).map(|declared| declared.value.trim())
     }
 
     /// True if an element is the first with its id, or has no id.
@@ -198,22 +204,23 @@ impl<'a, 'input> Styles<'a, 'input> {
     }
 }
 
-/// Returns the declarations of an element, and the number of steps to match a style sheet's rules
-/// with it. Fails if the budget is spent.
+/// Returns the declarations of an element in ascending order of precedence, and the number of steps
+/// to match a style sheet's rules with it. Fails if the budget is spent.
 fn declarations<'a>(
     node: Node<'a, '_>,
     sheet: &simplecss::StyleSheet<'a>,
     budget: &Budget,
     named: &mut Named,
-) -> Result<(Declared<'a>, usize)> {
+) -> Result<(Vec<Declaration<'a>>, usize)> {
     // Attributes come first, followed by the rules and the style, sorted by importance. The last
     // declaration of a name applies.
     let attributes = node.attributes().filter(|attribute| {
         matches!(attribute.namespace(), None | Some("http://www.w3.org/1999/xlink"))
             && !matches!(attribute.name(), "style" | "class")
     });
-    let mut declared: Declared<'a> =
-        attributes.map(|attribute| (attribute.name(), attribute.value(), false)).collect();
+    let declaration = |name, value, of_css| Declaration { name, value, of_css };
+    let attributes = attributes.map(|a| declaration(a.name(), a.value(), false));
+    let mut declared: Vec<Declaration<'a>> = attributes.collect();
     // Each rule costs ten steps, in addition to the steps of matching.
     let n_steps = Cell::new(10 * sheet.rules.len());
     let element = Matched { node, n_steps: &n_steps };
@@ -226,7 +233,7 @@ fn declarations<'a>(
         named.add("a style that breaks off", "not followed", node);
     }
     css.sort_by_key(|declaration| declaration.important);
-    declared.extend(css.iter().map(|rule| (rule.name, rule.value, true)));
+    declared.extend(css.iter().map(|rule| declaration(rule.name, rule.value, true)));
     budget.steps(n_steps.get())?;
     budget.bytes(DECLARATION * declared.len())?;
     Ok((declared, n_steps.get()))

@@ -71,8 +71,8 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Warned<Drawing>> {
             named.add("a style sheet in another file (`xml-stylesheet`)", "not followed", node);
         }
     }
-    // Counts the work of all elements, including repetitions by usvg, and removes features that
-    // usvg does not support.
+    // The work of all elements, including repetitions by usvg, is counted. Features that usvg does
+    // not support are then removed.
     let styles = Styles::new(&document, &budget, &mut named)?;
     let too_large = |cause| refused(file, cause).coded(super::LARGE);
     size::check(root, &styles, &budget).map_err(too_large)?;
@@ -83,12 +83,12 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Warned<Drawing>> {
     let tree = parse_tree(&edited).map_err(|cause| refused(file, cause))?;
     let size = [tree.size().width(), tree.size().height()].map(f64::from);
     let scale = Scale { size: size[0].max(size[1]), budget: &budget };
-    // Converts the tree to areas and strokes, from back to front.
+    // The tree becomes areas and strokes, from back to front.
     let mut walk = Walk { cuts: Vec::new(), signs_seen: BTreeSet::new(), scale, in_mask: false };
     let painted = walk.page(&tree, has_edge(root, &styles));
     let signs = walk.signs_seen.iter().filter_map(|index| signs.get(*index).copied());
     name_signs(signs, &document, &mut named, file)?;
-    // Keeps the visible parts of each element.
+    // Only the visible parts of each element are kept.
     let page = Page::new(&painted, &walk.cuts, size, scale);
     let (items, n_alike) = visible(&painted, &page, scale, file)?;
     let drawing = Drawing { items: uncovered(items, scale) };
@@ -186,7 +186,7 @@ fn visible(
         let (visible_part, is_alike) = page.visible(index, item, &line);
         scale.budget.check()?;
         n_alike += usize::from(is_alike);
-        // Keeps the part that clips, masks and later elements leave visible.
+        // Only the parts that clips, masks and later elements leave visible are kept.
         let parts = match visible_part {
             Visible::Stroke(color) => vec![Item::Whole(line, color)],
             Visible::Outline(color) => vec![Item::Whole(item.closed(), color)],
@@ -205,7 +205,7 @@ fn uncovered(mut items: Vec<Reaching>, Scale { size, budget }: Scale<'_>) -> Vec
     let mut front = Front::new((right - left).max(top - bottom), budget);
     let mut visible_items = Vec::new();
     while let Some((element, reach, item)) = items.pop() {
-        // Goes from the front to the back, and compares each item with those in front of it.
+        // Items are taken from the front to the back, and compared with those in front of them.
         let (lines, color) = match &item {
             Item::Whole(path, color) => {
                 (polylines(path, FLATNESS * size, MAX_POINTS).map(crate::vector::pairs), *color)
@@ -355,9 +355,12 @@ fn foreign_encoding(bytes: &[u8]) -> std::result::Result<Option<&'static Encodin
 
 /// A walk through the tree of a drawing.
 struct Walk<'a> {
+    /// All clips and masks so far, and the page's edge.
     cuts: Vec<Cut<'a>>,
+    /// Indices of the signs that would be visible.
     signs_seen: BTreeSet<usize>,
     scale: Scale<'a>,
+    /// True while the content of a mask is converted.
     in_mask: bool,
 }
 
@@ -579,8 +582,8 @@ fn dashed(
 }
 
 /// Replaces subpaths of zero length, and lines up to `max_dash`, with points of light if their caps
-/// are visible. Other such lines are removed. `size` is the page's larger side. Both are in user
-/// units.
+/// are visible, and removes them otherwise. `max_dash` and the page's larger side `size` are in
+/// user units.
 fn with_points(path: &BezPath, max_dash: f64, cap: kurbo::Cap, size: f64) -> BezPath {
     let mut kept = BezPath::new();
     for (first, elements) in subpaths(path) {

@@ -101,8 +101,8 @@ impl<'a> Page<'a> {
             painted.iter().filter_map(|item| item.stroke.as_ref().map(|(color, ..)| *color));
         let is_ink_white = fills.chain(strokes).all(|color| color == [255; 3]);
         let paper = [if is_ink_white { 0.0 } else { 255.0 }; 3];
-        // Proceeds from back to front, because a fill over the whole page changes the background of
-        // later elements.
+        // The order is from back to front, because a fill over the whole page changes the
+        // background of later elements.
         let mut page = Self { layers: Vec::new(), cuts, paper, size, scale };
         let mut ground = paper;
         for (element, item) in painted.iter().enumerate() {
@@ -145,7 +145,7 @@ impl<'a> Page<'a> {
     /// returns true if part of that line is invisible because of the background's color.
     pub(super) fn visible(&self, index: usize, item: &Painted, line: &BezPath) -> (Visible, bool) {
         let extent = extent(item);
-        // Only layers near the element can hide it.
+        // Only layers near the element can hide it. Comparing boxes takes an eighth of a step.
         self.scale.budget.spend_steps(self.layers.len() / 8);
         let mut near: Vec<&Layer<'a>> =
             self.layers.iter().filter(|layer| layer.area.meets(extent)).collect();
@@ -167,7 +167,7 @@ impl<'a> Page<'a> {
     /// shows. Also returns true if a part is invisible because it has the color of the background.
     fn visible_stroke(&self, stroked: &Stroked<'_, 'a>, line: &BezPath) -> (Visible, bool) {
         let Stroked { index, item, near, fill, color, .. } = *stroked;
-        // Computes the sides of the fill that the stroke does not draw.
+        // An open path is filled up to a closing side, which the stroke does not draw.
         let closing = fill.map_or(Vec::new(), |_| closing_sides(&self.lines(&item.path)));
         let (mut sides, _) = self.parts(&closing, item, near, &mut |place, sides| {
             self.outline_color(near, fill?, true, place, sides)
@@ -309,7 +309,8 @@ impl<'a> Page<'a> {
                 continue;
             }
             is_whole &= pieces.is_empty();
-            // Joins the ends of a closed line, whose start may lie in the middle of a visible part.
+            // The ends of a closed line are joined, because its start may lie in the middle of a
+            // visible part.
             let closed = line.len() > 3 && is_closed(line);
             if closed && pieces.len() > 2 && pieces[0].1 == pieces[pieces.len() - 1].1 {
                 let (first, _) = pieces.remove(0);
@@ -359,7 +360,7 @@ impl<'a> Page<'a> {
     }
 
     /// Sets `fractions` to the positions on a segment, 0 to 1 in order, at which it crosses the
-    /// edges of areas. Returns true if it crosses any.
+    /// edges of areas. Returns true if it crosses any. The first position is 0, and the last is 1.
     fn crossings(
         &self,
         [from, to]: [[f64; 2]; 2],

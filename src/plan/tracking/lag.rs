@@ -40,12 +40,12 @@ pub(super) fn best_shift_s(
         let sampled = places.iter().step_by(stride);
         spread_m2(sampled.map(|(time_s, m)| m - walk.at_in_plane_m(time_s - shift_s)))
     };
-    let [rough, coarse] =
+    let [rough_stride, coarse_stride] =
         [ROUGH_SAMPLES, COARSE_SAMPLES].map(|most| places.len().div_ceil(most).max(1));
-    let rough: Vec<(f64, f64)> = grid(range_s).map(|s| (cost(rough, s), s)).collect();
+    let rough: Vec<(f64, f64)> = grid(range_s).map(|s| (cost(rough_stride, s), s)).collect();
     let least = rough.iter().map(|(cost, _)| *cost).fold(f64::INFINITY, f64::min);
     let near = rough.into_iter().filter(|(cost, _)| *cost <= NEAR * least);
-    let best_s = best(near.map(|(_, shift_s)| (cost(coarse, shift_s), shift_s)));
+    let best_s = best(near.map(|(_, shift_s)| (cost(coarse_stride, shift_s), shift_s)));
     refined(range_s, best_s, |shift_s| cost(1, shift_s))
 }
 
@@ -64,8 +64,8 @@ pub fn spread_m2<const D: usize>(errors_m: impl Iterator<Item = SVector<f64, D>>
 /// Returns the shift in s at which `cost` is least, within a range from its start to its end, by a
 /// grid search, followed by a golden-section search around the best point of the grid.
 pub fn minimize(range: [f64; 2], mut cost: impl FnMut(f64) -> f64) -> f64 {
-    let best = best(grid(range).map(|shift_s| (cost(shift_s), shift_s)));
-    refined(range, best, cost)
+    let best_s = best(grid(range).map(|shift_s| (cost(shift_s), shift_s)));
+    refined(range, best_s, cost)
 }
 
 /// Returns the shifts in s of a grid over a range, with steps of [`STEP_S`] and both ends.

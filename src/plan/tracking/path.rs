@@ -118,6 +118,7 @@ fn squared_distance_m2(
     x * x + z * z
 }
 
+/// Position of the design at one time.
 #[derive(Clone, Copy, Debug)]
 struct Corner {
     time_s: f64,
