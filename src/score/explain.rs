@@ -5,12 +5,10 @@
 use kurbo::Point;
 
 use super::alphabet::with_case_of;
-use super::bend::{ExtraLine, Gap, Run};
 use super::causes::{Advice, Cause, CauseKind, Known, sentence};
 use super::faults::{Fault, Mending, lost_in, mend};
 use super::judge::Judgment;
 use super::lattice::Columns;
-use super::plane::{LetterPage, Placed};
 use super::reader::{Reader, Seen};
 use super::sketch::Sketch;
 use super::verdict::Verdict;
@@ -61,29 +59,6 @@ pub struct Marks {
     pub stray: Vec<Vec<[f64; 2]>>,
     /// Corners of each lit letter's cell, clockwise from the upper left.
     pub cells: Vec<Vec<[f64; 2]>>,
-}
-
-impl Marks {
-    /// Adds the polylines of a letter: its cell, its runs of the pen, its `gaps`, and the lines of
-    /// `extra` light. Points that the camera cannot see are left out.
-    fn add(
-        &mut self,
-        page: &LetterPage,
-        runs: &[Run],
-        (gaps, extra): (&[Gap], &[ExtraLine]),
-        (view, placed): (&View, &Placed),
-    ) {
-        let on_photo = |points: &[Point]| -> Vec<[f64; 2]> {
-            let in_plane = points.iter().map(|point| page.grid.plane_from_page(*point));
-            in_plane.filter_map(|point_m| placed.image_point(view, point_m)).collect()
-        };
-        self.intended.extend(runs.iter().map(|run| on_photo(&run.intended)));
-        self.missing.extend(gaps.iter().map(|gap| on_photo(&gap.points)));
-        self.stray.extend(extra.iter().map(|line| on_photo(&line.points)));
-        let [left, top, right, bottom] = page.cell();
-        let corners = [(left, top), (right, top), (right, bottom), (left, bottom)];
-        self.cells.push(on_photo(&corners.map(Point::from)));
-    }
 }
 
 impl Reader {
@@ -148,9 +123,9 @@ impl Reader {
         in_place
     }
 
-    /// Compares the light of each letter with its strokes, and returns the faults. Sets the letters'
-    /// measures and the faithfulness in the verdict, and adds marks. `seen` is the word's light in
-    /// the photo.
+    /// Compares the light of each letter with its strokes, and returns the faults. Sets the
+    /// letters' measures and the faithfulness in the verdict, and adds marks. `seen` is the word's
+    /// light in the photo.
     fn compare(
         &self,
         sketches: &[Sketch],
@@ -188,7 +163,17 @@ impl Reader {
             let [right, down] = sketch.shift.map(|px| px as f64 * page.grid.pitch_m);
             letter.shift_m = Some([right, -down]);
 
-            marks.add(page, &sketch.bent.runs, (&gaps, &extra), (view, placed));
+            // Points that the camera cannot see are left out.
+            let on_photo = |points: &[Point]| -> Vec<[f64; 2]> {
+                let in_plane = points.iter().map(|point| page.grid.plane_from_page(*point));
+                in_plane.filter_map(|point_m| placed.image_point(view, point_m)).collect()
+            };
+            marks.intended.extend(sketch.bent.runs.iter().map(|run| on_photo(&run.intended)));
+            marks.missing.extend(gaps.iter().map(|gap| on_photo(&gap.points)));
+            marks.stray.extend(extra.iter().map(|line| on_photo(&line.points)));
+            let [left, top, right, bottom] = page.cell();
+            let corners = [(left, top), (right, top), (right, bottom), (left, bottom)];
+            marks.cells.push(on_photo(&corners.map(Point::from)));
             faults.extend(self.faults(index, sketch, (gaps, extra), (placed, known)));
         }
         // The faithfulness is F1, the harmonic mean of recall and precision.

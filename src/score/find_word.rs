@@ -58,14 +58,13 @@ pub fn find_word(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Option<
         return None;
     }
     let [left, right] = [first_box[0], last_box[2]];
-    let corners_px =
-        [(left, 1.0), (right, 1.0), (right, -1.0), (left, -1.0)].map(|(x_m, above)| {
-            let x_px = x_px_at_zero + px_per_m_across * x_m;
-            [x_px, line_y_px + slope * x_px - 0.5 * above * letter_height_px]
-        });
+    let corners = [(left, 1.0), (right, 1.0), (right, -1.0), (left, -1.0)].map(|(x_m, above)| {
+        let x_px = x_px_at_zero + px_per_m_across * x_m;
+        [x_px, line_y_px + slope * x_px - 0.5 * above * letter_height_px]
+    });
     let size_px = [photo.width_px, photo.height_px];
     // A single I has no area, so its corners determine no view.
-    Homography::from_corners([left, bottom, right, top], corners_px, size_px).ok().map(View::Plane)
+    Homography::from_corners([left, bottom, right, top], corners, size_px).ok().map(View::Plane)
 }
 
 /// Returns the median slope, y over x, of all pairs of points (Theil 1950, Sen 1968), on which an

@@ -126,8 +126,8 @@ pub fn read(text: &[u8], file: &str) -> Result<Warned<LightTrace>> {
     Ok(Warned { product, warnings: Diagnostic::warnings("light-trace", warnings) })
 }
 
-/// Returns the columns of red, green and blue in the table's unit. Returns [`Error::Input`] with line
-/// and column for a number that is negative or above [`MAX_CD`].
+/// Returns the columns of red, green and blue in the table's unit. Returns [`Error::Input`] with
+/// line and column for a number that is negative or above [`MAX_CD`].
 fn colors<'a>(table: &'a Table, file: &str) -> Result<[&'a [f64]; 3]> {
     let columns = [table.quantity("r")?, table.quantity("g")?, table.quantity("b")?];
     for (name, column) in ["r", "g", "b"].into_iter().zip(columns) {
@@ -172,8 +172,8 @@ fn unit_from_steps_s(table: &Table, warnings: &mut Vec<String>) -> Result<f64> {
     Ok(unit_s)
 }
 
-/// Returns the unit of the colors in cd, which is 1 cd unless the colors are levels. Colors count as
-/// levels if all are whole numbers and the largest is from 2 to 255, except in a light trace
+/// Returns the unit of the colors in cd, which is 1 cd unless the colors are levels. Colors count
+/// as levels if all are whole numbers and the largest is from 2 to 255, except in a light trace
 /// (`is_trace`). Such numbers give a warning in either case.
 fn unit_cd(table: &Table, is_trace: bool, warnings: &mut Vec<String>) -> f64 {
     let colors = ["r", "g", "b"].into_iter().filter_map(|name| table.column(name).ok()).flatten();

@@ -94,11 +94,9 @@ impl Timer {
     pub(super) fn hold(self, arrivals: &[Change]) -> Vec<Change> {
         let mut changes: Vec<Change> = Vec::new();
         for arrival in arrivals {
-            let time_s = if self.period_s == 0.0 {
-                arrival.time_s
-            } else {
-                self.tick_s(self.next(arrival.time_s))
-            };
+            // Without a period, the lamp obeys a command when it arrives.
+            let tick_s = self.tick_s(self.next(arrival.time_s));
+            let time_s = if self.period_s == 0.0 { arrival.time_s } else { tick_s };
             changes.pop_if(|last| last.time_s >= time_s);
             changes.push(Change { time_s, level: arrival.level });
         }

@@ -27,8 +27,8 @@ pub fn linearize<const N: usize, const M: usize>(
 }
 
 /// Returns the linear model `(A, B)` as [`linearize`] does, but with Richardson's extrapolation
-/// from two steps, which is exact to 1e-12. It is used for printed numbers and comparisons. A flight does
-/// not need this accuracy.
+/// from two steps, which is exact to 1e-12. It is used for printed numbers and comparisons. A
+/// flight does not need this accuracy.
 pub fn linearize_finely<const N: usize, const M: usize>(
     f: impl Fn(&SVector<f64, N>, &SVector<f64, M>) -> SVector<f64, N>,
     x: &SVector<f64, N>,
