@@ -187,9 +187,9 @@ impl Target {
         let mut top = similarity;
         let fraction_px = std::array::from_fn(|axis| {
             let beside = [-1, 1].map(|step| {
-                let mut beside = shift;
-                beside[axis] += step;
-                self.sum_of_products(word, beside) * inverse_norms
+                let mut shifted = shift;
+                shifted[axis] += step;
+                self.sum_of_products(word, shifted) * inverse_norms
             });
             // `slope` is twice the central difference, and `bend` is minus the second difference.
             let (slope, bend) = (beside[1] - beside[0], 2.0 * similarity - beside[0] - beside[1]);

@@ -126,7 +126,7 @@ pub(super) fn alike(character: char) -> Classes {
     }
 }
 
-/// Returns `letter` in the case of `other`.
+/// Returns `letter`, a capital or a digit, in the case of `other`.
 pub(super) fn with_case_of(letter: char, other: char) -> char {
     if other.is_lowercase() { letter.to_ascii_lowercase() } else { letter }
 }

@@ -207,13 +207,11 @@ impl LightLines {
         let (mut n_own, mut n_far) = (0_u32, 0_u32);
         for index in (0..far.len()).filter(|index| self.thin[*index]) {
             let point = self.middle(index);
-            far[index] = distance(point, own) > TOLERANCE_PX;
-            if !far[index] {
+            if distance(point, own) <= TOLERANCE_PX {
                 n_own += 1;
             } else if distance(point, beside) > BESIDE_PX {
                 n_far += 1;
-            } else {
-                far[index] = false;
+                far[index] = true;
             }
         }
         let precision = f64::from(n_own) / f64::from((n_own + n_far).max(1));
@@ -224,8 +222,8 @@ impl LightLines {
             let mut points = Vec::new();
             while let Some(index) = open.pop() {
                 points.push(self.middle(index));
-                let beside = around(index, self.width, far.len());
-                open.extend(beside.filter(|beside| std::mem::take(&mut far[*beside])));
+                let neighbors = around(index, self.width, far.len());
+                open.extend(neighbors.filter(|neighbor| std::mem::take(&mut far[*neighbor])));
             }
             if points.len() as f64 >= LEAST_EXTRA_PX {
                 let thick_px = self.lit_near(&points) as f64 / points.len() as f64;
@@ -274,6 +272,7 @@ fn smooth(offsets: &[Option<f64>], index: usize) -> f64 {
         if reach > offsets.len() {
             return 0.0;
         }
+        // The step is an eighth of a cap height.
         reach += usize::from(PX_PER_H) / 8;
     }
 }

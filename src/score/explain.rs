@@ -123,8 +123,9 @@ impl Reader {
         in_place
     }
 
-    /// Compares the light of each letter with its strokes, sets the letters' measures in the
-    /// verdict, adds marks, and returns the faults. `seen` is the word's light in the photo.
+    /// Compares the light of each letter with its strokes, and returns the faults. Sets the
+    /// letters' measures and the faithfulness in the verdict, and adds marks. `seen` is the word's
+    /// light in the photo.
     fn compare(
         &self,
         sketches: &[Sketch],
@@ -162,7 +163,7 @@ impl Reader {
             let [right, down] = sketch.shift.map(|px| px as f64 * page.grid.pitch_m);
             letter.shift_m = Some([right, -down]);
 
-            // Adds marks for the letter's faults, as polylines on the photo.
+            // Points that the camera cannot see are left out.
             let on_photo = |points: &[Point]| -> Vec<[f64; 2]> {
                 let in_plane = points.iter().map(|point| page.grid.plane_from_page(*point));
                 in_plane.filter_map(|point_m| placed.image_point(view, point_m)).collect()

@@ -48,8 +48,9 @@ pub fn find_word(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Option<
         [0.5 * (left + right), 0.5 * (top + bottom)]
     });
     let middles: Vec<[f64; 2]> = middles.collect();
-    let slope = if letters.len() < 3 { 0.0 } else { median_slope(&middles) };
-    let slope = slope.clamp(-MAX_SLOPE, MAX_SLOPE);
+    // Two letters, of which one may have a tail, do not determine a slope.
+    let fitted = if letters.len() < 3 { 0.0 } else { median_slope(&middles) };
+    let slope = fitted.clamp(-MAX_SLOPE, MAX_SLOPE);
     let line_y_px = median(middles.iter().map(|[x, y]| y - slope * x)).expect("letters");
 
     let stretch = (px_per_m_across / px_per_m_down).max(px_per_m_down / px_per_m_across);
@@ -57,9 +58,9 @@ pub fn find_word(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Option<
         return None;
     }
     let [left, right] = [first_box[0], last_box[2]];
-    let corners = [(left, 1.0), (right, 1.0), (right, -1.0), (left, -1.0)].map(|(x, above)| {
-        let x = x_px_at_zero + px_per_m_across * x;
-        [x, line_y_px + slope * x - 0.5 * above * letter_height_px]
+    let corners = [(left, 1.0), (right, 1.0), (right, -1.0), (left, -1.0)].map(|(x_m, above)| {
+        let x_px = x_px_at_zero + px_per_m_across * x_m;
+        [x_px, line_y_px + slope * x_px - 0.5 * above * letter_height_px]
     });
     let size_px = [photo.width_px, photo.height_px];
     // A single I has no area, so its corners determine no view.

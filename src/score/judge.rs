@@ -291,11 +291,11 @@ impl Expected {
         let word: String = self.characters.iter().collect();
         let ln_p = columns.ln_p(&self.classes);
         let names = self.names();
-        let free = search(columns, &names, &names).into_iter();
         // Unexplained light beside a word does not turn it into another word.
-        let free = free.map(|(text, _)| text.trim_matches('?').to_owned());
-        let free = free.filter(|text| !text.is_empty() && !self.is_spelled(text, &word));
-        for text in free.take(N_FREE) {
+        let texts = search(columns, &names, &names).into_iter();
+        let texts = texts.map(|(text, _)| text.trim_matches('?').to_owned());
+        let others = texts.filter(|text| !text.is_empty() && !self.is_spelled(text, &word));
+        for text in others.take(N_FREE) {
             let ln_odds = columns.ln_p(&text.chars().map(seen_as).collect::<Vec<_>>()) - ln_p;
             let last = self.characters.len() - 1;
             let named = text.chars().enumerate();

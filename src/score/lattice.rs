@@ -94,10 +94,10 @@ impl Columns {
             let no_letter = NO_LETTER & !expected;
             let none = lattice.replaced(index, &self.of_set(no_letter), no_letter)
                 + lattice.without(index);
-            let others = names(expected, letters[index].is_ascii_digit()).into_iter();
-            let others =
-                others.map(|(name, set)| (name, lattice.replaced(index, &self.of_set(set), set)));
-            let mut others: Vec<(char, f64)> = others.collect();
+            let named = names(expected, letters[index].is_ascii_digit()).into_iter();
+            let replaced =
+                named.map(|(name, set)| (name, lattice.replaced(index, &self.of_set(set), set)));
+            let mut others: Vec<(char, f64)> = replaced.collect();
             let sum = total + none + others.iter().map(|(_, p)| p).sum::<f64>();
             if sum <= 0.0 {
                 // The probabilities of all paths have underflowed to 0.

@@ -50,7 +50,7 @@ const BAR: f64 = 3.0;
 const MAX_LINES: usize = 4;
 const MOST_BANDS: usize = 8;
 
-/// Fewest rows of a line.
+/// Minimum number of rows of a line.
 pub(super) const LEAST_PX: usize = 8;
 
 /// Maximum ratio between the letter heights of two lines of one text.
@@ -93,6 +93,7 @@ pub(super) fn inks(photo: &Photo) -> Vec<Ink> {
     let step = photo.width_px.max(photo.height_px).div_ceil(MAX_SIDE).max(1) as usize;
     let light = Light::of_whole(photo, step, LETTER_PART * f64::from(photo.height_px));
     let bright = map(&light.values, luminance);
+    // A photo without noise, such as a drawing, has a sky of zero deviation.
     let lit = LIT_SIGMAS * (1.4826 * median_abs(&bright)).max(1e-4);
     let mut levels: Vec<f32> = bright.iter().copied().filter(|value| *value > lit).collect();
     let mut inks = Vec::new();
@@ -106,8 +107,8 @@ pub(super) fn inks(photo: &Photo) -> Vec<Ink> {
         let full = *levels.select_nth_unstable_by(rank, f32::total_cmp).1;
         let pure = map(values, color::pure(color::of_brightest(values, n_brightest)));
         let lights = [bright.clone(), pure].map(|values| Raster { width, height, values });
-        let light = lights.map(|light| Arc::new(light.exposed(full)));
-        inks.extend([1, 0].map(|which| Ink { step: step as f64, light: light.clone(), which }));
+        let exposed = lights.map(|light| Arc::new(light.exposed(full)));
+        inks.extend([1, 0].map(|which| Ink { step: step as f64, light: exposed.clone(), which }));
     }
     inks
 }

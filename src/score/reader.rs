@@ -180,8 +180,8 @@ impl Reader {
         let in_place = (!self.has_letters_elsewhere(&reading, &seen, view))
             .then(|| Columns::joined(seen.columns.iter().cloned()));
         let blind = (!reading.letters.is_empty()).then(|| reading.columns.clone());
-        let views = [in_place, blind].into_iter().flatten();
-        let judgments = views.map(|columns| self.expected.judge(&columns));
+        let evidence = [in_place, blind].into_iter().flatten();
+        let judgments = evidence.map(|columns| self.expected.judge(&columns));
         let n_letters = reading.letters.len();
         let is_spelled = n_letters >= MANY_LETTERS && spells(&reading.text, &self.strokes.word);
         let most = if is_spelled { f64::INFINITY } else { CONTRADICTION };
@@ -281,7 +281,7 @@ impl Reader {
         let reasons = [
             (has_few_px, Reason::TooSmall),
             (has_other_length || !is_whole, Reason::OtherLength),
-            (!placement.overlaps_page(reach_m), Reason::OutOfRange),
+            (!placement.is_in_range(reach_m), Reason::OutOfRange),
             (is_read && is_likeliest, Reason::Unsure),
         ];
         let first = reasons.into_iter().find(|(applies, _)| *applies);
@@ -316,12 +316,12 @@ impl Reader {
         let mut read = String::new();
         for word in self.strokes.word.split_inclusive(char::is_whitespace) {
             let expected = judged_characters(word.chars());
-            let choices;
-            (choices, rest) = rest.split_at(expected.len());
+            let in_word;
+            (in_word, rest) = rest.split_at(expected.len());
             // A word whose letters are all read as expected needs no spelling model.
             let is_read =
-                choices.iter().zip(&expected).all(|(choice, c)| choice.best(*c).0 == Some(*c));
-            let letters = if is_read { expected } else { likeliest(choices, &expected) };
+                in_word.iter().zip(&expected).all(|(choice, c)| choice.best(*c).0 == Some(*c));
+            let letters = if is_read { expected } else { likeliest(in_word, &expected) };
             let mut letters = letters.into_iter();
             read.extend(
                 word.chars().map(|c| classes_of(c).and_then(|_| letters.next()).unwrap_or(c)),

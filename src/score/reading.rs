@@ -128,16 +128,16 @@ pub fn read(photo: &Photo) -> Reading {
     for ink in &inks {
         let inked = ink.lines();
         let is_sure = lines.iter().any(|line| line.ln_p > SURE);
-        let mut new =
+        let mut added =
             inked.iter().filter(|line| !best_lines.iter().any(|k| line.adds_nothing_to(k)));
-        if is_sure && new.next().is_none() {
+        if is_sure && added.next().is_none() {
             continue;
         }
         let sizes: Vec<Vec<f64>> = inked.iter().map(|line| sizes_px(line, &mut budget)).collect();
         let read = inked.par_iter().zip(sizes);
-        let read: Vec<ReadLine> = read.filter_map(|(line, sizes)| read_line(line, sizes)).collect();
-        if lines.is_empty() || worth(&read) > worth(&lines) {
-            (lines, best_lines) = (read, inked);
+        let new: Vec<ReadLine> = read.filter_map(|(line, sizes)| read_line(line, sizes)).collect();
+        if lines.is_empty() || worth(&new) > worth(&lines) {
+            (lines, best_lines) = (new, inked);
         }
     }
     // The rows of a single letter are selected by a different rule.

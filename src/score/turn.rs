@@ -41,9 +41,10 @@ pub fn read_any_way_up(photo: &Photo, word: &str) -> (Reading, usize) {
     best.unwrap_or((original, 0))
 }
 
-/// Reads the mirrored photo in the same way as [`read_any_way_up`]. Returns `None` if the original,
-/// whose reading is `upright`, is as clear. If both are clear, as [`Reading::is_clear`] tells, the
-/// photo may be mirrored or not.
+/// Reads the mirrored photo, also upside down, and returns its reading and the number of clockwise
+/// quarter turns after mirroring. Returns `None` unless this reading is clearer than `upright`, the
+/// reading of the original. If both readings are clear ([`Reading::is_clear`]), it is uncertain
+/// whether the photo is mirrored.
 pub fn read_mirrored(photo: &Photo, upright: &Reading, word: &str) -> Option<(Reading, usize)> {
     let is_beyond_doubt = !word.is_empty() || upright.mean_p() > 1.0 - DOUBT;
     if is_right(upright, word) && is_beyond_doubt {
@@ -75,13 +76,14 @@ fn is_right(upright: &Reading, word: &str) -> bool {
     upright.text.eq_ignore_ascii_case(word) || upright.is_clear() && word.is_empty()
 }
 
-/// True if a turned photo is read clearly, and more clearly than the original by `lead` in the mean
-/// probability of its letters. If it reads as `word`, no lead is necessary.
+/// True if the reading of a turned photo is clear, and its letters' mean probability is higher than
+/// that of the original by at least `lead`. A reading of `word` needs no lead. Any other reading is
+/// refused if the original is also clear.
 fn is_clearer(reading: &Reading, upright: &Reading, word: &str, lead: f64) -> bool {
     let is_word = reading.text.eq_ignore_ascii_case(word);
-    let lead = if is_word { 0.0 } else { lead };
+    let needed = if is_word { 0.0 } else { lead };
     reading.is_clear()
-        && reading.mean_p() >= upright.mean_p() + lead
+        && reading.mean_p() >= upright.mean_p() + needed
         && (is_word || !upright.is_clear())
 }
 

@@ -179,7 +179,7 @@ impl From<&Placed> for Placement {
 
 impl Placement {
     /// True if the word is within `reach_m` of its position, and scale and rotation are in range.
-    pub(super) fn overlaps_page(&self, reach_m: f64) -> bool {
+    pub(super) fn is_in_range(&self, reach_m: f64) -> bool {
         libm::hypot(self.shift_m[0], self.shift_m[1]) <= reach_m
             && (SCALES[0]..=SCALES[1]).contains(&self.scale)
             && self.rotation_rad.abs() <= MAX_ROTATION_RAD

@@ -54,8 +54,9 @@ pub struct Avionics {
     /// Index of the first setpoint of the firmware's landing, if other setpoints precede it.
     lands_from: Option<usize>,
     mode: Mode,
+    /// Number of steps of the plant so far in which the battery limited the thrust.
     short_steps: u32,
-    /// Number of ticks with a motor at its limit, and number of these while a letter was drawn.
+    /// Numbers of ticks with a motor at its limit, in total and while a letter was written.
     saturated_ticks: u32,
     saturated_writing_ticks: u32,
     /// True if the filter's covariance is logged, which is always the case for a fleet filter.
@@ -149,8 +150,9 @@ impl Avionics {
     }
 
     /// Begins a tick by measuring and updating the estimate. `fleet_m` contains the fleet's true
-    /// positions, for ranges between drones. Returns true if the motors must be commanded. It is
-    /// false while the motors are off, and between two commands.
+    /// positions, for ranges between drones. While the motors are off, the controller and the
+    /// filter over the fleet are reset. Returns true if [`Self::control`] must be called, which is
+    /// never the case while the motors are off, and otherwise at each period of the controller.
     pub(super) fn sense(
         &mut self,
         plan: &Plan,
@@ -203,16 +205,17 @@ impl Avionics {
         };
     }
 
-    /// Commands the motors with the drone's controller. The command holds until the next call. The
-    /// motors' saturation is recorded in it.
+    /// Computes the motor commands, which are held until the next call, with the drone's
+    /// controller. The drone levels out if no setpoint arrives for [`LEVEL_OUT_S`]. The controller
+    /// is informed when the kind of setpoint changes.
     pub(super) fn control(&mut self, plan: &Plan, time_s: f64) {
         let row = self.followed_setpoint();
         let setpoint = &plan.setpoints[row];
         let reference_s = self.reference_time_s(plan, time_s);
-        let mut reference = Reference::from_setpoint(setpoint, plan.sent_m(row), reference_s);
-        reference.jerk_m_s3 = plan.jerk_m_s3(row);
+        let mut motion = Reference::from_setpoint(setpoint, plan.sent_m(row), reference_s);
+        motion.jerk_m_s3 = plan.jerk_m_s3(row);
         // Controllers are designed for a drone whose nose points along world x.
-        let mut reference = reference.turned(-self.yaw_rad);
+        let mut reference = motion.turned(-self.yaw_rad);
         let mut estimate = turned_ahead(&self.estimate, self.yaw_rad);
         // If the kind of setpoint changes, the controller is informed before the first new
         // setpoint.
@@ -256,10 +259,11 @@ impl Avionics {
         let now_s = match self.link.as_ref().filter(|_| self.streamed) {
             None => time_s,
             Some(link) => {
-                let last_s = if holds { time_s - link.silent_s(time_s) } else { time_s };
+                // A held reference stays where it was when the last setpoint was received.
+                let moved_until_s = if holds { time_s - link.silent_s(time_s) } else { time_s };
                 let next = plan.setpoints.get(self.followed_setpoint() + 1);
                 let until_s = next.map_or(from_s, |next| next.time_s);
-                (from_s + (last_s - link.since_s())).min(until_s).max(from_s)
+                (from_s + (moved_until_s - link.since_s())).min(until_s).max(from_s)
             }
         };
         if !holds {
@@ -357,6 +361,7 @@ impl Avionics {
             letter: setpoint.letter,
         };
         // The normalized squared error, eᵀ P⁻¹ e / 3, is 1 on average if the filter is consistent.
+        // A singular covariance gives 0.
         let covariance_m2 = self.estimator.covariance_m2().filter(|_| self.logs_covariance);
         let error_m = estimate_m - body.position_m;
         let nees = covariance_m2.map(|covariance_m2| {
@@ -395,7 +400,8 @@ impl Avionics {
 }
 
 /// Returns the index of the first setpoint after an exported script tells the firmware to land, or
-/// `None` if no letter is written or no setpoint follows the last letter.
+/// `None` if no letter is written or no setpoint follows the last letter. If the plan ends before
+/// that time, the index is the number of setpoints.
 fn landing_setpoint(plan: &Plan) -> Option<usize> {
     let last_written = plan.setpoints.iter().rposition(|setpoint| setpoint.letter.is_some())?;
     let written_s = plan.setpoints.get(last_written + 1)?.time_s;
@@ -434,7 +440,8 @@ fn tuning_keys(Kinds { controller, estimator }: Kinds) -> String {
 const EMPTY_HELP: &str = "shorten the flight: a shorter word, larger plan.style.stroke_speed_m_s, \
                           shorter plan.style.hover_s, or a larger battery.capacity_ah";
 
-/// Returns how the true or the estimated state shows that a drone is lost, or `None`.
+/// Returns what a lost drone does, according to its true or estimated state, or `None` if it is not
+/// lost.
 fn loss(body: &RigidBody, estimate: &State) -> Option<&'static str> {
     // The check has no branches that may be mispredicted. NaN counts as out of bounds.
     fn are_bounded(values: &[f64]) -> bool {

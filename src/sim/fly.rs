@@ -107,8 +107,8 @@ pub fn fly_watched(
     Ok(rigs.into_iter().map(Rig::finish).collect())
 }
 
-/// Checks options and plans, and creates the drones of a fleet at rest at their starts. Returns the
-/// errors of [`fly_watched`], which requires at least one drone.
+/// Checks options and plans, and creates the drones of a fleet at rest at their starts. The fleet
+/// must not be empty. Returns the errors of [`fly_fleet`].
 pub(super) fn rigs(fleet: &[(&Plan, Drone<'_>)]) -> Result<Vec<Rig>> {
     // All drones have the same clock and seed.
     let first = &fleet[0].1;
@@ -227,7 +227,7 @@ fn check_clearance(plan: &Plan, floor: &FloorOptions) -> Result<()> {
     let first = in_air.clone().next().unwrap_or(0);
     let last = in_air.next_back().unwrap_or(heights_m.len() - 1);
     // Before and after that, a ramp's setpoints may be inside a step if the ramp rises above it.
-    // The drone then rests on the step with its motors off.
+    // The drone then rests on the step with its motors off, as it does at a height of 0 or less.
     let mut numbered = heights_m.iter().enumerate();
     let refused = numbered.find(|(row, [height_m, floor_m])| {
         let mut ramp_m = heights_m.iter().filter(|[_, other_m]| other_m == floor_m);

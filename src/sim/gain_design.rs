@@ -18,8 +18,8 @@ use super::controller::{Gain, LinearController, modeled_lag_s, with_integrals};
 use super::estimator::{hover_model, observer_gain, without_yaw};
 use super::options::{ControllerKind, Law, SimOptions};
 use crate::control::{
-    Margins, dynamic, is_hurwitz, linearize_finely, margins, observability_rank, poles,
-    unobservable_states, with_input_lag, with_states,
+    Margins, block_matrix, dynamic, is_hurwitz, linearize_finely, margins, observability_rank,
+    poles, unobservable_states, with_input_lag,
 };
 use crate::vehicle::{Mixer, N_STATES, RATE, State, VELOCITY, VehicleOptions, Wrench};
 use noctograph_core::crazyflie::{GRAVITY_M_S2, N_MOTORS};
@@ -107,8 +107,8 @@ fn rows<'a, S: Serializer>(
     to: S,
 ) -> std::result::Result<S::Ok, S::Error> {
     let rows = matrix.into().map(|matrix| {
-        let rows = matrix.row_iter().map(|row| row.iter().copied().collect());
-        rows.collect::<Vec<Vec<f64>>>()
+        let entries = matrix.row_iter().map(|row| row.iter().copied().collect());
+        entries.collect::<Vec<Vec<f64>>>()
     });
     rows.serialize(to)
 }
@@ -250,7 +250,7 @@ fn regulator_loop(
     // û.
     let from_state = -&gain.k / modeled_lag_s;
     let decay = -(gain.k_rotor + Matrix4::identity()) / modeled_lag_s;
-    let a = with_states(&a, &DMatrix::zeros(n, 4), &from_state, &dynamic(&decay));
+    let a = block_matrix(&a, &DMatrix::zeros(n, 4), &from_state, &dynamic(&decay));
     let mut k = gain.k.resize_horizontally(n + 4, 0.0);
     k.columns_mut(n, 4).copy_from(&gain.k_rotor);
     (Loop { a, b: b.resize_vertically(n + 4, 0.0), k }, states.chain(ROTOR_STATES).collect())
@@ -261,7 +261,7 @@ fn regulator_loop(
 fn controller_loop(a: &DMatrix<f64>, b: &DMatrix<f64>, controller: &LinearController) -> Loop {
     let LinearController { k, h, f, g } = controller;
     let m = f.nrows();
-    let a = with_states(a, &DMatrix::zeros(N_STATES, m), g, f);
+    let a = block_matrix(a, &DMatrix::zeros(N_STATES, m), g, f);
     let mut k = (-k).resize_horizontally(N_STATES + m, 0.0);
     k.columns_mut(N_STATES, m).copy_from(&-h);
     Loop { a, b: b.clone().resize_vertically(N_STATES + m, 0.0), k }
@@ -336,8 +336,8 @@ fn drag(vehicle: &VehicleOptions) -> SMatrix<f64, 12, 12> {
     drag
 }
 
-/// Returns the longest stable lag in s, by bisection, or `None` if [`MAX_LAG_S`] is stable.
-/// `is_stable` must not become true again beyond that lag.
+/// Returns the longest stable lag in s, by bisection, `None` if [`MAX_LAG_S`] is stable, or 0 if no
+/// lag is stable. `is_stable` must not become true again beyond that lag.
 fn longest_lag_s(is_stable: impl Fn(f64) -> bool) -> Option<f64> {
     if is_stable(MAX_LAG_S) {
         return None;

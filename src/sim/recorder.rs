@@ -10,7 +10,7 @@ use noctograph_core::flight::{
 };
 use noctograph_core::plan::Plan;
 
-/// Names of the further columns of a flight. Columns without a value are left out.
+/// Names of a flight's additional columns. Columns without a value are left out.
 const COLUMNS: [&str; 5] = [SATURATED_S, BATTERY_V, ENERGY_J, ESTIMATE_SIGMA_M, ESTIMATE_NEES];
 
 /// Collection of a flight's samples and columns.

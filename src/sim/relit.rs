@@ -13,8 +13,8 @@ use noctograph_core::flight::Flight;
 use noctograph_core::flight::table::on_grid;
 use noctograph_core::plan::{Plan, Setpoint};
 
-/// True if light commands between two setpoints have no effect on the motion of a drone: if its
-/// controller holds the position of each setpoint, which arrives without a radio.
+/// True if light commands between two setpoints do not affect a drone's motion. This requires that
+/// its controller holds the position of each setpoint, and that no radio delays setpoints.
 pub fn holds_positions(drone: &Drone<'_>) -> bool {
     let controller = &drone.believed.controller;
     !controller.kind.follows_reference()
@@ -22,17 +22,17 @@ pub fn holds_positions(drone: &Drone<'_>) -> bool {
         && drone.actual.radio.drones == 0
 }
 
-/// Returns the flight of a plan by a drone whose `flight` of the plan `flown` was simulated. Both
-/// plans differ only by light commands. The result has the bits of [`fly`](crate::fly). Returns
-/// `None` if the commands could affect the motion.
-pub fn relit(flight: Flight, flown: &Plan, plan: &Plan, drone: &Drone<'_>) -> Option<Flight> {
+/// Converts a simulated flight of the plan `flown` to the same drone's flight of `plan`, which
+/// differs only in its light commands. The result is bit for bit that of [`fly`](crate::fly).
+/// Returns `None` if the commands could affect the motion or a warning.
+pub fn relit(before: Flight, flown: &Plan, plan: &Plan, drone: &Drone<'_>) -> Option<Flight> {
     let floor = &drone.actual.floor;
     let is_alike = holds_positions(drone) && adds_held_rows(flown, plan, floor);
     if !is_alike || check_plan(plan, floor).is_err() {
         return None;
     }
-    let grounded_before = grounded(&flight.samples);
-    let mut flight = flight.into_data();
+    let grounded_before = grounded(&before.samples);
+    let mut flight = before.into_data();
     let channels = plan.lights.keys().cloned();
     flight.lights = channels.map(|name| (name, Vec::with_capacity(flight.samples.len()))).collect();
     let rates = &drone.actual.rates;
@@ -49,7 +49,7 @@ pub fn relit(flight: Flight, flown: &Plan, plan: &Plan, drone: &Drone<'_>) -> Op
             column.push(on_grid(levels[row]));
         }
     }
-    // A warning depends on the height of the design.
+    // The warning that a drone stays on the floor depends on the height of the design.
     (grounded(&flight.samples) == grounded_before).then(|| Flight::made(flight))
 }
 
@@ -69,6 +69,7 @@ fn adds_held_rows(flown: &Plan, plan: &Plan, floor: &FloorOptions) -> bool {
             n_flown += 1;
             continue;
         }
+        // An additional row is compared with the row that precedes it in `flown`.
         let Some(before) = n_flown.checked_sub(1) else { return false };
         let held = &flown.setpoints[before];
         let is_held = setpoint.letter == held.letter

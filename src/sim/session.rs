@@ -60,9 +60,9 @@ impl Session {
         (!self.has_landed).then(|| {
             let Reference { position_m, velocity_m_s, acceleration_m_s2, .. } =
                 self.rig.avionics.design(&self.plan, self.time_s());
-            let design = [position_m, velocity_m_s, acceleration_m_s2];
-            let design = std::array::from_fn(|i| design[i / 3][i % 3]);
-            ((*self.rig.avionics.estimate()).into(), design)
+            let vectors = [position_m, velocity_m_s, acceleration_m_s2];
+            let reference = std::array::from_fn(|i| vectors[i / 3][i % 3]);
+            ((*self.rig.avionics.estimate()).into(), reference)
         })
     }
 

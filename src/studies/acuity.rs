@@ -28,12 +28,12 @@ use noctograph_plan::Style;
 
 /// Number of rungs on the ladder.
 pub const RUNGS: u32 = 7;
-/// Cap height of the last rung, as a multiple of the scene's cap height: 2 cm instead of 0.5 m.
+/// Cap height of the last rung, as a multiple of the scene's cap height: 2 cm for 0.5 m.
 const LAST_TIMES: f64 = 0.04;
-/// Least cap height of the last rung, and least width of a letter's box in a scene.
+/// Minimum cap height of the last rung, and minimum width of a letter's box in a scene.
 const LEAST_M: f64 = 0.02;
 const LEAST_BOX_M: f64 = 0.01;
-/// Octaves between two rungs: letters of 16 to 2 cm.
+/// Octaves between two rungs. If the last rung has 2 cm letters, the first has 16 cm letters.
 const OCTAVES_PER_RUNG: f64 = 0.5;
 /// Lamp diameter, as a multiple of the smallest cap height: a 3 mm LED for 2 cm letters.
 const LAMP_TIMES: f64 = 0.15;
@@ -49,10 +49,10 @@ const ACCELERATION_TIMES: f64 = 4.0;
 const MOST_M_S2: f64 = 100.0;
 const MOST_M_S3: f64 = 10_000.0;
 
-/// Smallest letters of the contenders in a study, with the smallest first.
+/// Smallest letters of the contenders in a study that are still read.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Acuity {
-    /// Limits, one for each contender.
+    /// Limits, one for each contender, the best contender first.
     pub limits: Vec<HeightLimit>,
     /// All pairs of contenders, compared by the mean fraction of their letters over the ladder.
     pub pairs: Vec<Pair>,
@@ -63,7 +63,7 @@ pub struct Acuity {
 pub struct HeightLimit {
     /// Name of the contender.
     pub contender: String,
-    /// Rank of the contender, 1 for the smallest letters.
+    /// Rank of the contender, 1 for the smallest letters. `None` if no letter was read.
     pub place: Option<usize>,
     /// Number of flights on the whole ladder.
     pub n_flights: usize,
@@ -149,14 +149,15 @@ fn narrow_lamp(scene: &mut Scene, diameter_m: f64) {
 }
 
 /// Flies each rung of a [`Study::ladder`] as [`evaluate`] does, and returns the records by rung.
-/// `prepared` contains the results of [`Study::prepare`] by rung.
+/// `prepared` contains the results of [`Study::prepare`] by rung. Calls `done` with the number of
+/// finished flights on all rungs. Returns the errors of [`evaluate`].
 pub fn fly_ladder(
     ladder: &[Study],
     prepared: &[Vec<Prepared>],
     store: Option<&Store>,
     done: &(dyn Fn(usize) + Sync),
 ) -> Result<Vec<Vec<Record>>> {
-    // The rungs are flown in turn, and `done` counts the flights of all rungs.
+    // The rungs are flown in turn.
     let (mut n_done, stop) = (0, Stop::default());
     let rungs = ladder.iter().zip(prepared).map(|(study, prepared)| {
         let trials: Vec<_> = study.trials().collect();
@@ -181,10 +182,10 @@ pub fn acuity(ladder: &[Study], records: &[Vec<Record>]) -> Acuity {
     let ranking = rank(&Study { words, ..ladder[0].clone() }, &by_contender);
     let limits = ranking.measures.iter().map(|measures| {
         let rungs = ladder.iter().zip(records).map(|(study, records)| {
-            let own = records.iter().filter(|record| record.contender == measures.contender);
+            let flown = records.iter().filter(|record| record.contender == measures.contender);
             Rung {
                 cap_height_m: study.contenders[0].scene.letters.cap_height_m,
-                letters_read: mean(own.map(|record| record.outcome.similarity)),
+                letters_read: mean(flown.map(|record| record.outcome.similarity)),
             }
         });
         let rungs: Vec<Rung> = rungs.collect();
@@ -199,11 +200,12 @@ pub fn acuity(ladder: &[Study], records: &[Vec<Record>]) -> Acuity {
     Acuity { limits: limits.collect(), pairs: ranking.pairs }
 }
 
-/// Returns the limit by Spearman and Kärber: the first `n · fraction` of n rungs are read, and the
-/// limit is half a rung below the last of these.
-fn limit_m(first_rung_m: f64, share: Estimate) -> Estimate {
-    let [value, low, high] = [share.value, share.high, share.low].map(|share| {
-        first_rung_m * libm::exp2(OCTAVES_PER_RUNG * (0.5 - share * f64::from(RUNGS)))
+/// Returns the limit by Spearman and Kärber. `read` is the fraction of letters read over n rungs,
+/// so the first `n · read` rungs count as read. The limit is half a rung below the last of these.
+fn limit_m(first_rung_m: f64, read: Estimate) -> Estimate {
+    // The more is read, the smaller the letters, so the ends of the interval are exchanged.
+    let [value, low, high] = [read.value, read.high, read.low].map(|fraction| {
+        first_rung_m * libm::exp2(OCTAVES_PER_RUNG * (0.5 - fraction * f64::from(RUNGS)))
     });
     Estimate { value, low, high }
 }

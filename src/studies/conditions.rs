@@ -181,9 +181,9 @@ impl Conditions {
         let table: toml::Table = toml.parse().unwrap_or_default();
         if let Some(unknown) = table.keys().find(|key| !keys.contains(&key.as_str())) {
             let listed = format!("the keys are {}", keys.join(", "));
-            let hint = suggestion(unknown, keys, || listed);
+            let nearest = suggestion(unknown, keys, || listed);
             let key = format!("the unknown key {unknown}");
-            return Err(Error::input(file, key, "a key of conditions", hint));
+            return Err(Error::input(file, key, "a key of conditions", nearest));
         }
         let conditions: Self = toml::from_str(toml).map_err(|error| {
             let problem = error.message().lines().next().unwrap_or_default().to_owned();
@@ -203,7 +203,8 @@ impl Conditions {
         let used_frac = self.charge_used_frac * chance.factor("charge").uniform();
         sim.battery.charge_frac = (sim.battery.charge_frac - used_frac).max(0.0);
         let age = self.battery_age * chance.factor("battery age").uniform();
-        // At age 1 the sag is 0.70 V instead of 0.57 V, and 80 % of the capacity is left.
+        // At age 1 the sag is 0.70 V instead of 0.57 V, and 80 % of the capacity is left. At any
+        // age, at least 5 % is left.
         sim.battery.resistance_ohm *= 1.0 + (0.70 / 0.57 - 1.0) * age;
         sim.battery.capacity_ah *= (1.0 - 0.2 * age).max(0.05);
         let drift_rad_s = self.yaw_drift_rad_s * chance.factor("yaw drift").normal();
@@ -220,10 +221,11 @@ impl Conditions {
         Actual { sim, light }
     }
 
-    /// Draws mass, center of mass, inertia, rotor lag, aerodynamic moment, and a weak propeller.
+    /// Draws mass, center of mass, inertia, rotor lag, aerodynamic moment, and the loss of thrust
+    /// of one randomly chosen motor.
     fn draw_body(&self, body: &mut VehicleOptions, chance: &FlightDraw) {
+        // The mass and each moment of inertia are at least a tenth of the scene's values.
         body.mass_kg *= (1.0 + self.mass_frac * chance.factor("mass").normal()).max(0.1);
-        // The mass and each moment of inertia are kept above a tenth of the scene's values.
         let mut center = chance.factor("center of mass");
         for center_m in &mut body.center_of_mass_m {
             *center_m += self.center_of_mass_m * center.normal();
@@ -241,7 +243,7 @@ impl Conditions {
         let lost_frac = self.motor_loss_frac * propeller.uniform();
         #[expect(clippy::cast_possible_truncation, reason = "0 to 3")]
         let motor = (4.0 * propeller.uniform()) as usize;
-        // The remaining fraction of thrust is the product of the scene's and the drawn one.
+        // The fraction of thrust that remains is the scene's times the drawn one.
         let loss_frac = &mut body.motor_loss_frac[motor];
         *loss_frac = 1.0 - (1.0 - *loss_frac) * (1.0 - lost_frac);
     }
@@ -291,6 +293,7 @@ struct FlightDraw {
 impl FlightDraw {
     /// Returns the random stream of a factor, which depends on seed, drone and name.
     fn factor(&self, factor: &str) -> Stream {
+        // In a fleet, the first drone draws the same numbers as without the other drones.
         let drone = if self.drone == 0 { String::new() } else { format!("{}:", self.drone) };
         Stream(stream(self.seed, format!("study:{drone}{factor}").bytes()))
     }

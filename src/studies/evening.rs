@@ -264,7 +264,8 @@ impl Evening {
         let outages_s: Vec<f64> =
             figures.iter().filter(|f| f.longest_gap_s > 0.0).map(|f| f.mean_outage_s()).collect();
         let (n_lags, n_gusts, n_gaps) = (lags_s.len(), gusts.len(), outages_s.len());
-        let conditions = [
+        // Each width has a key, its number of flights, the minimum number, a value and its source.
+        let widths = [
             ("mass_frac", n, LEAST_FLIGHTS, spread(&thrusts), "thrust over weight"),
             ("center_of_mass_m", n, LEAST_FLIGHTS, trim_m, "trim that gusts do not explain"),
             ("motor_lag_s", n_lags, LEAST_FLIGHTS, lag_s, "spread of the rotors' lag"),
@@ -272,9 +273,9 @@ impl Evening {
             ("radio_outage_s", n_gaps, 1, mean(&outages_s), "longest gaps, if one occurs in 10 s"),
         ];
         // A width is omitted if too few flights contribute to it.
-        let enough = conditions.into_iter().filter(|(_, n, least, ..)| n >= least);
-        let conditions = enough.map(|(key, n, _, value, from)| {
-            let flights = if key == "radio_outage_s" { "" } else { &format!(", {n} flights") };
+        let enough = widths.into_iter().filter(|(_, count, least, ..)| count >= least);
+        let conditions = enough.map(|(key, count, _, value, from)| {
+            let flights = if key == "radio_outage_s" { "" } else { &format!(", {count} flights") };
             FoundCondition { key, value, from: format!("{from}{flights}") }
         });
         conditions.collect()
@@ -408,18 +409,23 @@ fn spread(values: &[(f64, f64)]) -> f64 {
     (squares / (n - 1.0) - error_squares / n).max(0.0).sqrt()
 }
 
-/// Returns a sort key that compares numbers within names by value, and places numbers before other
-/// characters. Each part is a number with false, or a character with true. The name itself breaks
-/// ties.
-fn natural(name: &str) -> (Vec<(bool, u64)>, String) {
-    let mut parts: Vec<(bool, u64)> = Vec::new();
+/// Part of a name. Numbers are sorted before other characters.
+#[derive(PartialEq, Eq, PartialOrd, Ord)]
+enum NamePart {
+    Number(u64),
+    Character(char),
+}
+
+/// Returns a sort key that compares numbers within names by value. The name itself breaks ties.
+fn natural(name: &str) -> (Vec<NamePart>, String) {
+    let mut parts: Vec<NamePart> = Vec::new();
     for c in name.chars() {
         match (c.to_digit(10).map(u64::from), parts.last_mut()) {
-            (Some(digit), Some((false, number))) => {
+            (Some(digit), Some(NamePart::Number(number))) => {
                 *number = number.saturating_mul(10).saturating_add(digit);
             }
-            (Some(digit), _) => parts.push((false, digit)),
-            (None, _) => parts.push((true, c.into())),
+            (Some(digit), _) => parts.push(NamePart::Number(digit)),
+            (None, _) => parts.push(NamePart::Character(c)),
         }
     }
     (parts, name.to_owned())

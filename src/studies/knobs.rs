@@ -91,8 +91,8 @@ impl Knob {
         for key in &self.keys {
             let value = find(scene, key)?;
             *value = match (&self.turn, value.as_float()) {
-                (Turn::Times(range), Some(own)) => {
-                    toml::Value::Float(own * log_between(*range, fraction))
+                (Turn::Times(range), Some(original)) => {
+                    toml::Value::Float(original * log_between(*range, fraction))
                 }
                 (Turn::To(range), Some(_)) => toml::Value::Float(log_between(*range, fraction)),
                 (Turn::Choice(words), None) if value.is_str() => {
@@ -191,18 +191,19 @@ impl FromStr for Knob {
 
     fn from_str(text: &str) -> Result<Self> {
         let invalid = || Error::input("knob", text, "KEYS=LOW..HIGH, KEYS*=… or KEY=a|b", HINT);
-        let (keys, turn) = text.split_once('=').ok_or_else(invalid)?;
-        let (keys, is_factor) = keys.strip_suffix('*').map_or((keys, false), |keys| (keys, true));
+        let (left, right) = text.split_once('=').ok_or_else(invalid)?;
+        let (names, is_factor) =
+            left.strip_suffix('*').map_or((left, false), |names| (names, true));
+        let keys = names.split('+').map(str::to_owned).collect();
         // Two numbers separated by `..` form a range. Anything else is a list of words.
-        let keys = keys.split('+').map(str::to_owned).collect();
-        let turn = if let Some((low, high)) = turn.split_once("..") {
+        let turn = if let Some((low, high)) = right.split_once("..") {
             let range @ [low, high] = [low, high].map(|end| end.parse().unwrap_or(f64::NAN));
             if !(0.0 < low && low < high && high.is_finite()) {
                 return Err(invalid());
             }
             if is_factor { Turn::Times(range) } else { Turn::To(range) }
         } else {
-            let words: Vec<String> = turn.split('|').map(str::to_owned).collect();
+            let words: Vec<String> = right.split('|').map(str::to_owned).collect();
             if is_factor || words.len() < 2 || words.iter().any(String::is_empty) {
                 return Err(invalid());
             }

@@ -106,9 +106,9 @@ pub fn rank(study: &Study, records: &[Record]) -> Ranking {
     // rank.
     let mut first_of_place = 0;
     for index in 0..measures.len() {
-        let [best, this] = [first_of_place, index].map(|index| &measures[index].contender);
-        let mut told_apart = pairs.iter().filter(|pair| pair.distinguishable);
-        if told_apart.any(|pair| (&pair.better, &pair.worse) == (best, this)) {
+        let [first, next] = [first_of_place, index].map(|index| &measures[index].contender);
+        let mut distinguishable = pairs.iter().filter(|pair| pair.distinguishable);
+        if distinguishable.any(|pair| (&pair.better, &pair.worse) == (first, next)) {
             first_of_place = index;
         }
         let is_read = measures[index].legibility.value >= LEAST_READ;
@@ -133,12 +133,12 @@ fn level(n_pairs: usize) -> f64 {
     1.0 - (1.0 - LEVEL) / n_pairs.max(1) as f64
 }
 
-/// Compares all pairs of `contenders`, which are sorted by mean probability. Each is a name with
-/// the probabilities of its flights.
+/// Compares all pairs of `contenders`, which are sorted by mean probability, the highest first.
+/// Each is a name with the probabilities of its flights, in the same order for all contenders.
 pub(super) fn pairs(contenders: &[(&str, &[f64])]) -> Vec<Pair> {
     let (mut pairs, mut differences_by_pair) = (Vec::new(), Vec::new());
-    for (place, (better, a)) in contenders.iter().enumerate() {
-        for (worse, b) in &contenders[place + 1..] {
+    for (index, (better, a)) in contenders.iter().enumerate() {
+        for (worse, b) in &contenders[index + 1..] {
             let differences: Vec<f64> = a.iter().zip(*b).map(|(a, b)| a - b).collect();
             pairs.push(Pair {
                 better: (*better).to_owned(),
@@ -179,8 +179,8 @@ fn strata(
     value: impl Fn(&Record) -> Option<f64>,
 ) -> Vec<Vec<f64>> {
     let words = study.words.iter().map(|(_, n)| {
-        let records = records.split_off(..*n as usize).unwrap_or_default();
-        records.iter().filter_map(&value).collect()
+        let of_word = records.split_off(..*n as usize).unwrap_or_default();
+        of_word.iter().filter_map(&value).collect()
     });
     words.collect()
 }

@@ -56,13 +56,13 @@ pub fn remedies_for(shot: &Shot) -> Result<Vec<Remedy>> {
 /// Returns the errors of the stages for the unchanged scene. A change that fails is ignored.
 pub fn remedies(shoot: &Shoot) -> Result<Vec<Remedy>> {
     let scene = &shoot.scene;
-    let before = read_probability(scene, scene.seed)?;
-    let sensible = writing(scene).into_iter().chain(pictures(shoot)?).filter(|(wanted, _)| *wanted);
-    let candidates = sensible.map(|(_, changes)| Ok((changed(scene, &changes)?, changes)));
+    let first_before = read_probability(scene, scene.seed)?;
+    let sensible = writing(scene).into_iter().chain(pictures(shoot)?).flatten();
+    let candidates = sensible.map(|changes| Ok((changed(scene, &changes)?, changes)));
     let candidates: Vec<_> = candidates.collect::<Result<_>>()?;
     // Candidates that improve the result with the scene's seed are sorted by gain, largest first.
     let gainful = candidates.into_par_iter().filter_map(|(scene, changes)| {
-        let gain = read_probability(&scene, scene.seed).ok()? - before;
+        let gain = read_probability(&scene, scene.seed).ok()? - first_before;
         (gain >= LEAST_GAIN).then_some((gain, changes, scene))
     });
     let mut gainful: Vec<_> = gainful.collect();
@@ -111,17 +111,16 @@ fn changed(scene: &Scene, changes: &[Change]) -> Result<Scene> {
     Scene::parse_with(&scene.to_toml(), "scene", &values.collect::<Vec<_>>())
 }
 
-/// A change to one or more keys, preceded by true if the change makes sense for the scene.
-type Candidate = (bool, Vec<Change>);
+/// A change to one or more keys, or `None` if the change makes no sense for the scene.
+type Candidate = Option<Vec<Change>>;
 
-/// Returns the candidate that sets a single key. `wanted` is true if the change makes sense for the
+/// Returns the candidate that sets a single key, or `None` unless the change makes sense for the
 /// scene.
-fn set(wanted: bool, key: &'static str, value: impl ToString) -> Candidate {
-    (wanted, vec![Change::new(key, value)])
+fn set(makes_sense: bool, key: &'static str, value: impl ToString) -> Candidate {
+    makes_sense.then(|| vec![Change::new(key, value)])
 }
 
-/// Returns candidates that change the letters, the plan, the drone or the lamps, each marked with
-/// whether it makes sense for this scene.
+/// Returns candidates that change the letters, the plan, the drone or the lamps.
 fn writing(scene: &Scene) -> Vec<Candidate> {
     let Scene { plan, letters, light, controller, .. } = scene;
     // The slower speed is half the plan's, rounded to centimeters per second.
@@ -146,8 +145,8 @@ fn writing(scene: &Scene) -> Vec<Candidate> {
     ]
 }
 
-/// Returns candidates that change the camera or the room, each marked with whether it makes sense
-/// for this scene. Returns an error if the scene's camera is invalid.
+/// Returns candidates that change the camera or the room. Returns an error if the scene's camera is
+/// invalid.
 fn pictures(shoot: &Shoot) -> Result<Vec<Candidate>> {
     let Scene { camera, photo, .. } = &shoot.scene;
     let good = CameraOptions::default();
@@ -155,9 +154,9 @@ fn pictures(shoot: &Shoot) -> Result<Vec<Candidate>> {
     // The shutter stays open for the flight, in whole seconds. The lens is focused on the word.
     let end_s = ends_s.fold(0.0, f64::max).ceil();
     let bounds_m = shoot.strokes.as_ref().map_or([0.0; 4], |strokes| strokes.bounds_m());
-    let word_m = camera.camera(bounds_m, end_s)?.position_m.y.abs();
-    let word_m = (100.0 * word_m).round() / 100.0;
-    let is_unfocused = camera.focus_m.is_some_and(|focus_m| focus_m != word_m) && word_m > 0.0;
+    let distance_m = camera.camera(bounds_m, end_s)?.position_m.y.abs();
+    let focus_m = (100.0 * distance_m).round() / 100.0;
+    let is_unfocused = camera.focus_m.is_some_and(|set_m| set_m != focus_m) && focus_m > 0.0;
     let shutter =
         vec![Change::new("camera.shutter_open_s", 0), Change::new("camera.shutter_close_s", end_s)];
     let size = vec![
@@ -168,9 +167,9 @@ fn pictures(shoot: &Shoot) -> Result<Vec<Candidate>> {
     Ok(vec![
         set(!matches!(camera.framing, Framing::Word(_)), "camera.framing", "word"),
         set(camera.metering == Metering::Off, "camera.metering", "trail"),
-        (camera.shutter_open_s > 0.0 || camera.shutter_close_s.is_some(), shutter),
-        set(is_unfocused, "camera.focus_m", word_m),
-        (camera.width_px < good.width_px, size),
+        (camera.shutter_open_s > 0.0 || camera.shutter_close_s.is_some()).then_some(shutter),
+        set(is_unfocused, "camera.focus_m", focus_m),
+        (camera.width_px < good.width_px).then_some(size),
         set(is_bright, "photo.ambient_cd_m2", DARK_ROOM_CD_M2),
     ])
 }

@@ -37,7 +37,8 @@ impl std::str::FromStr for Shard {
 
 impl Shard {
     /// Flies every `count`th trial of a study and writes the records to a file in `folder`, unless
-    /// the file exists already. Returns the file's path and the number of its flights.
+    /// the file exists already. Returns the file's path and the number of its flights. Calls `done`
+    /// as [`evaluate`] does. Returns the errors of [`evaluate`] and of [`Store::write`].
     pub fn fly(
         self,
         study: &Study,

@@ -194,14 +194,14 @@ pub fn spread(
             "fly the scene without varied conditions, or under milder ones",
         ));
     }
-    let [all, within] = [flown, flown_again].map(|fleets| {
+    let [varied, within] = [flown, flown_again].map(|fleets| {
         let bands = (0..base.plans.len()).map(|drone| {
             let flights: Vec<&Flight> = fleets.iter().map(|flights| &flights[drone]).collect();
             Band::new(&flights, |sample| sample.position_m)
         });
         bands.collect()
     });
-    Ok(Spread { all, within, flights })
+    Ok(Spread { all: varied, within, flights })
 }
 
 /// Returns a shoot with the noise of `seed`, and with the drones and the room of `room_seed`.

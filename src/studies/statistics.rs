@@ -158,15 +158,15 @@ impl Posterior {
         let [bottom, (top, weight)] = unseen;
         let sides = [(values, bottom), (mirrored, (-top, weight))];
         let mut sides = sides.map(|(values, unseen)| Self { values, unseen });
-        let left = sides.each_mut().map(|side| {
+        let unused = sides.each_mut().map(|side| {
             let (end, _) = side.solve(|_, tail| tail < half);
             let weight = std::mem::take(&mut side.unseen.1);
             let (_, tail) = side.solve(|point, _| point < end);
             side.unseen.1 = weight;
             half - tail.min(half)
         });
-        let [low, high] = [(0, left[1]), (1, left[0])]
-            .map(|(side, left)| sides[side].solve(|_, tail| tail < half + left).0);
+        let [low, high] = [(0, unused[1]), (1, unused[0])]
+            .map(|(side, added)| sides[side].solve(|_, tail| tail < half + added).0);
         [low, -high]
     }
 
@@ -282,6 +282,7 @@ pub(super) fn center(differences: &[f64], level: f64) -> Option<Estimate> {
 /// Returns the minimum number of differences for which [`center`] has an interval at `level`.
 #[expect(clippy::cast_possible_truncation, reason = "small")]
 pub(super) fn least_for_center(level: f64) -> u32 {
+    // The subtracted 1e-9 allows for rounding errors.
     libm::ceil(libm::log2(2.0 / (1.0 - level)) - 1e-9) as u32
 }
 

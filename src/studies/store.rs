@@ -315,8 +315,8 @@ fn each_line(file: impl Read, path: &Path, mut f: impl FnMut(Record) -> Result<(
     let (mut count, mut length, mut line) = (0, 0, Vec::new());
     loop {
         line.clear();
-        let limited = Read::take(&mut reader, MAX_LINE_BYTES as u64);
-        let n = { limited }.read_until(b'\n', &mut line).map_err(|e| Error::read(path, e))?;
+        let mut limited = Read::take(&mut reader, MAX_LINE_BYTES as u64);
+        let n = limited.read_until(b'\n', &mut line).map_err(|e| Error::read(path, e))?;
         // A partial line at the end is ignored if this program wrote it. Any other text is an error
         // below, so that no foreign text is removed.
         let is_ours = line.starts_with(BEGINNING) || BEGINNING.starts_with(&line);

@@ -69,7 +69,8 @@ pub fn submissions(task: &SceneTask, named: &[String]) -> Result<Submissions> {
     Ok(read)
 }
 
-/// Appends the entries of a folder, or of the folder of `student` within it.
+/// Appends the entries of a folder to `submitted`, and a message about its hidden files to
+/// `passed_over`. `student` is the student's name if the folder is a student's.
 fn gather(
     folder: &Path,
     student: Option<&str>,

@@ -144,7 +144,8 @@ impl Prepared {
         Record { scene, contender, word: self.word().to_owned(), seed, outcome }
     }
 
-    /// Takes the photo for one seed, with capitals `cap_height_px` high, or the scene's if smaller.
+    /// Takes the photo for one seed, with the strokes `cap_height_px` high, or smaller if they are
+    /// smaller on the scene's film.
     pub fn photo(&self, seed: u64, cap_height_px: f64) -> Result<Photo> {
         let mut shoot = Shoot { judging: Judging::Skipped, ..self.shoot(seed) };
         shoot.scene.camera = self.scene.camera.clone();
@@ -164,17 +165,19 @@ pub(super) fn or_lost<T>(flown: Result<T>) -> Result<std::result::Result<T, Stri
     }
 }
 
-/// Reduces the camera's resolution until capitals are at most `cap_height_px` high. Each pixel is
-/// then the mean of many pixels with hardly any noise, so the noise is switched off.
+/// Reduces the camera's resolution until the strokes of all lines together are at most
+/// `cap_height_px` high, which is the cap height if there is one line. Each pixel is then the mean
+/// of many pixels with hardly any noise, so the noise is switched off. A missing closing time of
+/// the shutter is set to the end of the plans.
 pub(super) fn shrink(shoot: &mut Shoot, cap_height_px: f64) -> Result<()> {
     let Some(strokes) = &shoot.strokes else { return Ok(()) };
     let end_s = shoot.plans.iter().map(|planned| planned.plan.duration_s()).fold(0.0, f64::max);
     let (bounds_m @ [left, bottom, right, top], scene) = (strokes.bounds_m(), &mut shoot.scene);
     scene.camera.shutter_close_s.get_or_insert(end_s);
-    // The height of the word in pixels is measured at its middle.
+    // The height of the strokes in pixels is measured at the middle of their width.
     let camera = scene.camera.camera(bounds_m, end_s)?;
     let ends_m = [bottom, top].map(|z_m| Vector3::new(0.5 * (left + right), 0.0, z_m));
-    // If the word is not in front of the camera, the resolution is not changed.
+    // If the strokes are not in front of the camera, the resolution is not changed.
     let [Some(low), Some(high)] = ends_m.map(|m| camera.image_from_world(m)) else { return Ok(()) };
     let factor = cap_height_px / libm::hypot(low.x_px - high.x_px, low.y_px - high.y_px);
     if factor >= 1.0 {

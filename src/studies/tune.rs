@@ -277,7 +277,8 @@ impl Tuning<'_> {
     }
 
     /// Flies a candidate with `times` as many seeds as in training, drawn from `seed`. The
-    /// candidate is abandoned if its cost after half of the flights exceeds `max_cost`.
+    /// candidate is abandoned if its cost after half of the flights exceeds `max_cost`. Without
+    /// `max_cost` it completes all flights.
     fn candidate(
         &mut self,
         number: usize,
@@ -324,9 +325,9 @@ impl Tuning<'_> {
         by_cost.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
         by_cost.insert(0, original);
         let flights = (self.options.seed ^ FINALS, FINAL_TIMES);
-        let finalists = by_cost.iter().take(FINALISTS);
-        let finalists = finalists.map(|c| self.candidate(c.number, &c.point, flights, None));
-        let mut finalists = finalists.collect::<Result<Vec<_>>>()?;
+        by_cost.truncate(FINALISTS);
+        let flown = by_cost.iter().map(|c| self.candidate(c.number, &c.point, flights, None));
+        let mut finalists = flown.collect::<Result<Vec<_>>>()?;
         // `min_by` returns the first of several equal minima, which may be the original scene.
         let best = finalists.iter().min_by(|a, b| a.cost().total_cmp(&b.cost()));
         let best = best.expect("the original scene").clone();

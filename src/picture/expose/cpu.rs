@@ -67,15 +67,16 @@ pub(super) fn dark_counts(latent: &Latent, first_row: usize) -> Vec<u32> {
 /// Returns the end row (exclusive) of each band. All bands have about the same amount of work.
 fn ends_of_bands(tints: &[Tint], size_px: [u32; 2], n_bands: u64) -> Vec<u32> {
     let [width, height] = size_px;
-    // Counts the box pixels on each row, as cumulative sums of differences between rows.
-    let mut pixels = vec![0_i64; height as usize + 1];
+    // `sums` contains first the change in the number of box pixels from row to row, and then the
+    // cumulative number up to each row.
+    let mut sums = vec![0_i64; height as usize + 1];
     for record in tints.iter().flat_map(|tint| &tint.records) {
         let [columns, rows] = record.inside(width, &(0..height));
-        pixels[rows.start as usize] += columns.len() as i64;
-        pixels[rows.end as usize] -= columns.len() as i64;
+        sums[rows.start as usize] += columns.len() as i64;
+        sums[rows.end as usize] -= columns.len() as i64;
     }
     let (mut on_row, mut total) = (0, 0);
-    for row in &mut pixels {
+    for row in &mut sums {
         on_row += *row;
         total += on_row;
         *row = total;
@@ -83,7 +84,7 @@ fn ends_of_bands(tints: &[Tint], size_px: [u32; 2], n_bands: u64) -> Vec<u32> {
     // A band ends at the row where its fraction of the total is reached.
     let n_bands = (total.cast_unsigned() / BAND_PIXELS).clamp(1, n_bands).cast_signed();
     let ends = (1..n_bands)
-        .map(|band| pixels.partition_point(|&sum| sum * n_bands < total * band) as u32 + 1);
+        .map(|band| sums.partition_point(|&sum| sum * n_bands < total * band) as u32 + 1);
     let mut ends: Vec<u32> = ends.chain([height]).collect();
     ends.dedup();
     ends
@@ -129,7 +130,7 @@ fn add<const N: usize>(
     let [i, j] = [(&columns, record.x), (&rows, record.y)]
         .map(|(part, first)| (part.start.cast_signed() - first) as usize);
     let across: [[&[u32]; 2]; N] = std::array::from_fn(|k| curves.across(k, j..j + rows.len()));
-    let dither = record.dither_at(columns.start, rows.start);
+    let first_dither = record.dither_at(columns.start, rows.start);
     let shift = curves.shift;
     let top = (rows.start - tiles.rows.start) as usize * tiles.stride;
     let pixels = &mut tiles.counts[top..top + rows.len() * tiles.stride];
@@ -139,7 +140,7 @@ fn add<const N: usize>(
         });
         let x = columns.start as usize + c;
         let mut dither: [u32; LANES] = std::array::from_fn(|lane| {
-            dither.wrapping_add(DITHER[0].wrapping_mul((c + lane) as u32))
+            first_dither.wrapping_add(DITHER[0].wrapping_mul((c + lane) as u32))
         });
         // Goes down the rows, and rounds the products of the curves, with the dither as threshold.
         for (j, row) in pixels.chunks_exact_mut(tiles.stride).enumerate() {

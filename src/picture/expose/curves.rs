@@ -32,7 +32,7 @@ const SUM_BITS: i32 = 30;
 /// and too many to unroll.
 const STEP: usize = 32;
 
-/// Exponent of 2 that is used in place of zero.
+/// Exponent of 2 for values that are zero in a curve. The power, 2e-38, vanishes in rounding.
 const ZERO_EXPONENT: f32 = -125.0;
 
 /// The curves of the spots of one record.
@@ -269,7 +269,7 @@ fn rounded(x: f32) -> u32 {
     (x + MAGIC).to_bits().wrapping_sub(MAGIC.to_bits())
 }
 
-/// Returns the smallest exponent of 2 above a positive number.
+/// Returns the smallest exponent e for which 2^e is greater than a positive number, or -1022 for 0.
 #[inline(always)]
 fn exponent(x: f64) -> i32 {
     // A double stores its exponent above 52 bits, with a bias of 1023 for the power of 2 below it.

@@ -156,9 +156,9 @@ impl Square {
     }
 
     /// Adds the light, given in counts at the corners, to the square's band in the film's planes.
-    /// The light is multiplied by the relative albedo, which `reflected` gives for each pixel of
-    /// the band, or else the floor's texture. `unevenness` is the texture's largest deviation from
-    /// an albedo of 1.
+    /// The light is multiplied by the relative albedo from `reflected`, which starts at the band's
+    /// first pixel. Without it, the albedo is that of the floor's texture, whose standard deviation
+    /// is `unevenness`. Rows and columns beyond the film are left out.
     #[inline(always)]
     fn add_to(
         &self,
@@ -201,8 +201,8 @@ impl Square {
                     // The upper 24 bits divided by 2^24 give a threshold from 0 to 1.
                     let threshold = (dither >> 8).cast_signed() as f32 * (1.0 / 16_777_216.0);
                     #[expect(clippy::cast_possible_truncation, reason = "below 2^31")]
-                    let counts = (light * albedo + threshold) as i32;
-                    *count = count.wrapping_add(counts.cast_unsigned());
+                    let rounded = (light * albedo + threshold) as i32;
+                    *count = count.wrapping_add(rounded.cast_unsigned());
                 }
             }
         }

@@ -167,9 +167,9 @@ settings! {
 /// # Errors
 ///
 /// Returns [`Error::Input`] for numbers of a lamp, the camera or the options that are not finite or
-/// out of range, for decreasing times (naming lamp and time), and for more than the largest picture
-/// or [`MAX_SAMPLES`]. Returns [`Error::Gpu`] if [`BackendChoice::Wgpu`] finds no device or the
-/// device fails.
+/// out of range, for decreasing times (naming lamp and time), for a picture that is too large, and
+/// for more than [`MAX_SAMPLES`] samples or segments. Returns [`Error::Gpu`] if
+/// [`BackendChoice::Wgpu`] finds no device or the device fails.
 pub fn expose(
     trace: &LightTrace,
     camera: &Camera,

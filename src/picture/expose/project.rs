@@ -153,11 +153,13 @@ impl<'a> Lens<'a> {
         let intensity_cd = sample.level * self.emitter.intensity_cd(cos_beam);
         let light = self.light_at_1m * intensity_cd * cos_lens / distance_sq_m2
             * self.camera.unvignetted(image.x_px, image.y_px);
-        // The variances of lens and pixel, of the lamp's disc, and of defocus add up.
+        // The variances of lens and pixel, of the lamp's disc, and of defocus add up. A disc of
+        // diameter D has the variance D²/16 along each axis.
         let defocus_px = self.camera.defocus_m(image.depth_m) / self.camera.pixel_pitch_m();
         let variance = self.blur_px2
             + self.disc_at_1m_px2 / (image.depth_m * image.depth_m)
             + defocus_px * defocus_px / 16.0;
+        // The light is NaN if the axis has no length.
         Some(Spot {
             at_px,
             light_lx_px2: if light.is_finite() { light } else { 0.0 },

@@ -63,7 +63,7 @@ impl Room {
             ];
             surfaces.extend(walls.map(|(normal, at_m)| Surface::matte(normal, at_m, wall_albedo)));
         }
-        // A wall is invisible from behind.
+        // A wall is invisible from behind. Nearer walls than a visible lamp are left out too.
         surfaces.retain(|surface| surface.height_m(camera_m) >= NEAREST_M);
         Self { camera_m, surfaces, size_m: options.room_m, unevenness: options.unevenness }
     }
@@ -110,6 +110,7 @@ impl Room {
     ) -> f64 {
         let Some([width_m, depth_m, height_m]) = self.size_m else { return 1.0 };
         let surface = &self.surfaces[on];
+        // The lower limit prevents a division by zero in a black room.
         let albedos = self.surfaces.iter().map(|surface| surface.albedo);
         let brightest = albedos.fold(1e-9, f64::max);
         // A darker perpendicular plane, with width h at distance d, fills the fraction (1 - d /
@@ -123,7 +124,7 @@ impl Room {
         });
         let diffuse = 1.0 - hidden.sum::<f64>();
         // The gap's light decreases as the cosine divided by d², relative to the depth of the room.
-        // The added constant limits it near the gap.
+        // An added constant, 0.1 m², limits it near the gap.
         let light = gap_m.map_or(diffuse, |gap_m| {
             let to_gap_m = gap_m - point_m;
             let d_sq = to_gap_m.norm_squared() + NEAREST_M;

@@ -19,6 +19,7 @@ static TILE: LazyLock<Vec<f32>> = LazyLock::new(|| {
     let mut tile = vec![0.0; SIDE * SIDE];
     for cell in OCTAVES {
         let across = SIDE / cell;
+        // Each node has a random value from -1 to 1, from 24 bits of a hash of its index.
         let nodes: Vec<f32> = (0..across * across)
             .map(|i| (split_mix((cell * SIDE * SIDE + i) as u64) >> 40) as f32 / 8_388_608.0 - 1.0)
             .collect();

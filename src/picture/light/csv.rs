@@ -47,18 +47,18 @@ const MAX_CD: f64 = 1e6;
 /// Number of bytes at the start of a file in which the header is searched.
 const HEADER_SIZE: usize = 1 << 16;
 
-/// Maximum level of a light log in bytes, and the intensity that it represents.
+/// Maximum level in a light log with one byte per level, and the intensity that it represents.
 const FULL_LEVEL: f64 = 255.0;
 const FULL_CD: f64 = 1.0;
 
-/// Returns the name in [`COLUMNS`] of a title such as `Time [ms]` or `x_cm`, and the size in s or m
-/// of its unit if it has one. Returns `None` for other titles and unknown units.
+/// Returns the name in [`COLUMNS`] of a title such as `Time [ms]` or `x_cm`, and, if the title
+/// contains a unit, the size of that unit in s or m. Returns `None` for other titles and units.
 fn column(title: &str) -> Option<(&'static str, Option<f64>)> {
-    let (bare, bracket) = bracketed(title);
-    let bare = simplified(bare);
+    let (before_bracket, bracket) = bracketed(title);
+    let bare = simplified(before_bracket);
     let (name, unit_name) = match (column_name(&bare), bare.rsplit_once('_')) {
         (Some(name), _) => (name, bracket.map(simplified)),
-        (None, Some((bare, unit_name))) => (column_name(bare)?, Some(unit_name.to_owned())),
+        (None, Some((start, suffix))) => (column_name(start)?, Some(suffix.to_owned())),
         (None, None) => return None,
     };
     match unit_name {
@@ -112,16 +112,8 @@ pub fn read(text: &[u8], file: &str) -> Result<Warned<LightTrace>> {
         let first_s = on_grid(first * unit_s);
         warnings.push(format!("the clock starts at {first_s} s, but the exposure at 0 s"));
     }
-    // Positions may have any sign, but intensities may not be negative.
     let [x, y, z] = [table.quantity("x")?, table.quantity("y")?, table.quantity("z")?];
-    let [r, g, b] = [table.quantity("r")?, table.quantity("g")?, table.quantity("b")?];
-    for (name, column) in [("r", r), ("g", g), ("b", b)] {
-        if let Some(row) = column.iter().position(|value| !(0.0..=MAX_CD).contains(value)) {
-            let place = format!("{file}:{}: column {name}", table.line(row));
-            let hint = "correct the file, or write it again";
-            return Err(Error::input(place, column[row], "a number from 0 to 1e6", hint));
-        }
-    }
+    let [r, g, b] = colors(&table, file)?;
     let [unit_x_m, unit_y_m, unit_z_m] = [unit_x, unit_y, unit_z].map(|unit| unit.unwrap_or(1.0));
     let instants = Vec::from_iter((0..t.len()).map(|row: usize| Instant {
         time_s: on_grid(t[row] * unit_s),
@@ -132,6 +124,20 @@ pub fn read(text: &[u8], file: &str) -> Result<Warned<LightTrace>> {
     let lamps = lit_runs(&instants).flat_map(lamps).collect();
     let product = LightTrace::new(LightTraceData { lamps })?;
     Ok(Warned { product, warnings: Diagnostic::warnings("light-trace", warnings) })
+}
+
+/// Returns the columns of red, green and blue in the table's unit. Returns [`Error::Input`] with
+/// line and column for a number that is negative or above [`MAX_CD`].
+fn colors<'a>(table: &'a Table, file: &str) -> Result<[&'a [f64]; 3]> {
+    let columns = [table.quantity("r")?, table.quantity("g")?, table.quantity("b")?];
+    for (name, column) in ["r", "g", "b"].into_iter().zip(columns) {
+        if let Some(row) = column.iter().position(|value| !(0.0..=MAX_CD).contains(value)) {
+            let place = format!("{file}:{}: column {name}", table.line(row));
+            let hint = "correct the file, or write it again";
+            return Err(Error::input(place, column[row], "a number from 0 to 1e6", hint));
+        }
+    }
+    Ok(columns)
 }
 
 /// Renames titles to those of [`COLUMNS`], and all others to `other TITLE`. If several titles mean
@@ -166,8 +172,9 @@ fn unit_from_steps_s(table: &Table, warnings: &mut Vec<String>) -> Result<f64> {
     Ok(unit_s)
 }
 
-/// Returns the unit of the colors in cd. Whole numbers up to 255 are levels, except in a light
-/// trace (`is_trace`). Warns of numbers that look like levels.
+/// Returns the unit of the colors in cd, which is 1 cd unless the colors are levels. Colors count
+/// as levels if all are whole numbers and the largest is from 2 to 255, except in a light trace
+/// (`is_trace`). Such numbers give a warning in either case.
 fn unit_cd(table: &Table, is_trace: bool, warnings: &mut Vec<String>) -> f64 {
     let colors = ["r", "g", "b"].into_iter().filter_map(|name| table.column(name).ok()).flatten();
     let largest = colors.clone().copied().fold(0.0, f64::max);

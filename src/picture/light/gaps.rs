@@ -68,6 +68,7 @@ pub fn dark(flight: &Flight) -> Vec<(Gap, f64)> {
         return Vec::new();
     }
     let speed_m_s = speed_m_s(flight);
+    // A rotation of the drone can add the width of the drone to its path.
     let open = gaps(flight).into_iter().filter(|gap| !gap.is_bridged());
     open.map(|gap| (gap, 2.0 * LAMP_M + speed_m_s * (gap.span_s[1] - gap.span_s[0]))).collect()
 }

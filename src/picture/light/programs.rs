@@ -176,7 +176,7 @@ impl<'a> Programs<'a> {
     }
 }
 
-/// Intensity of white from the color LED deck and from an LED of the ring, which can emit 1 cd.
+/// Intensity of white for the color LED deck, and for an LED of the ring, which can emit 1 cd.
 /// Twice the deck's value overexposes a seven-letter word at f/22, and half of it leaves 8 steps of
 /// green. Screen colors that differ only in brightness become one color, whose strongest channel is
 /// as bright as white's.

@@ -78,7 +78,7 @@ pub(super) struct Timer {
 }
 
 impl Timer {
-    /// Returns the number of the first tick at or after `time_s`.
+    /// Returns the number of the first tick at or after `time_s`. The period must not be 0.
     pub(super) fn next(self, time_s: f64) -> f64 {
         // The tolerance keeps a command that arrives on a tick from missing that tick.
         ((time_s - self.phase_s) / self.period_s - TICK_TOLERANCE).ceil()
@@ -94,6 +94,7 @@ impl Timer {
     pub(super) fn hold(self, arrivals: &[Change]) -> Vec<Change> {
         let mut changes: Vec<Change> = Vec::new();
         for arrival in arrivals {
+            // Without a period, the lamp obeys a command when it arrives.
             let tick_s = self.tick_s(self.next(arrival.time_s));
             let time_s = if self.period_s == 0.0 { arrival.time_s } else { tick_s };
             changes.pop_if(|last| last.time_s >= time_s);

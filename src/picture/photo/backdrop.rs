@@ -56,7 +56,7 @@ impl Backdrop {
     ) -> Result<Self> {
         let surfaces = room.room_m.map(|_| (camera.clone(), Room::new(room, camera.position_m)));
         let luminance = srgb::luminance(options.ambient_rgb);
-        let room = camera.lx_s_of_luminance() * options.ambient_cd_m2 / luminance / white_lx_s;
+        let light = camera.lx_s_of_luminance() * options.ambient_cd_m2 / luminance / white_lx_s;
         let focal_px = narrow(camera.focal_length_px());
         let picture = match &options.background[..] {
             "" => None,
@@ -65,7 +65,7 @@ impl Backdrop {
         let center_px = [camera.width_px, camera.height_px].map(|side| side as f32 / 2.0);
         let corner_sq_px2 = center_px[0] * center_px[0] + center_px[1] * center_px[1];
         Ok(Self {
-            room: options.ambient_rgb.map(|fraction| narrow(room * fraction)),
+            room: options.ambient_rgb.map(|fraction| narrow(light * fraction)),
             focal_sq_px2: focal_px * focal_px,
             center_px,
             vignetting_px2: narrow(camera.vignetting) / corner_sq_px2,

@@ -93,6 +93,14 @@ pub fn taken_as(mut camera: CameraOptions, path: &Path) -> Result<Warned<CameraO
 /// A tag that a camera needs, the scene key that replaces it, and its value.
 type Needed = (Tag, &'static str, Option<f64>);
 
+/// The width of a sensor, computed from a number of pixels across and their resolution.
+struct FromResolution {
+    pixels: f64,
+    width_m: f64,
+    /// True if both tags were certainly written together.
+    is_of_one_age: bool,
+}
+
 /// The tags of a photograph, its size in pixels, and the warnings about its tags.
 struct Photograph {
     exif: Exif,
@@ -233,8 +241,10 @@ impl Photograph {
     fn sensor_width_m(&mut self, focal_length_m: Option<f64>) -> Option<f64> {
         let film_width_m = self.equivalent_width_m(focal_length_m);
         let resolution = self.resolution_width_m(film_width_m.is_none());
-        let plausible = resolution.filter(|(_, width_m, _)| SENSORS_M.contains(width_m));
-        let Some((pixels, width_m, is_of_one_age)) = plausible else { return film_width_m };
+        let plausible = resolution.filter(|sensor| SENSORS_M.contains(&sensor.width_m));
+        let Some(FromResolution { pixels, width_m, is_of_one_age }) = plausible else {
+            return film_width_m;
+        };
         let mm = 1e3 * width_m;
         match film_width_m {
             // A program that shrinks a picture may leave its resolution tags unchanged.
@@ -268,10 +278,9 @@ impl Photograph {
         Some(width_m)
     }
 
-    /// Returns the number of pixels across, the sensor width in m computed from the resolution, and
-    /// true if both were certainly written together. Returns `None` without the tags. Warns of an
-    /// unknown unit if `is_needed` is true.
-    fn resolution_width_m(&mut self, is_needed: bool) -> Option<(f64, f64, bool)> {
+    /// Returns the sensor width by the resolution, in inches without a unit, or `None` without the
+    /// tags. An unknown unit gives `None` and, if `is_needed` is true, a warning.
+    fn resolution_width_m(&mut self, is_needed: bool) -> Option<FromResolution> {
         let unit_m = match self.number(Tag::FocalPlaneResolutionUnit) {
             None | Some(2.0) => 0.0254, // inches by default
             Some(3.0) => 0.01,
@@ -287,7 +296,8 @@ impl Photograph {
         let pixels = self.number(Tag::PixelXDimension).or_else(|| self.number(Tag::ImageWidth))?;
         let per_unit = self.number(Tag::FocalPlaneXResolution)?;
         let canon = self.canon_width();
-        Some((pixels, canon.unwrap_or(pixels / per_unit) * unit_m, canon.is_some()))
+        let width_m = canon.unwrap_or(pixels / per_unit) * unit_m;
+        Some(FromResolution { pixels, width_m, is_of_one_age: canon.is_some() })
     }
 
     /// Returns the width and height in pixels that the tags give, or `None` without the tags.
@@ -322,7 +332,8 @@ impl Photograph {
         }
         let Value::Rational(ratio) = self.value(Tag::FocalPlaneXResolution)? else { return None };
         let exif::Rational { num, denom } = *ratio.first()?;
-        // In thousandths of an inch, the width of a 3 mm sensor is 118.
+        // In thousandths of an inch, the width of a 3 mm sensor is 118. No camera of Canon has
+        // fewer than 640 pixels per row.
         (num % 1000 == 0 && num >= 640_000 && (100..3000).contains(&denom))
             .then(|| f64::from(denom) / 1000.0)
     }

@@ -69,17 +69,20 @@ fn check_memory(bytes: &[u8], path: &Path) -> Result<()> {
     let Some(frame) = JpegFrame::parse(bytes) else { return Ok(()) };
     // The decoder keeps a copy of the file in memory.
     let needed = 2 * bytes.len() as u64 + frame.decoded_bytes();
-    if needed <= MAX_BYTES {
-        let hint = "copy the whole file from the camera's card";
-        let error = || Error::input(path.display(), "a truncated JPEG", "a whole photo", hint);
-        return frame.has_end.then_some(()).ok_or_else(error);
+    if needed > MAX_BYTES {
+        let kind = if frame.progressive { "progressive " } else { "" };
+        let [width, height] = frame.size_px;
+        let photo =
+            format!("a {kind}JPEG of {width}x{height} pixels, which takes {} MiB", needed >> 20);
+        let wanted = format!("at most {} MiB", MAX_BYTES >> 20);
+        let hint = "scale the photo down, or save the photo again as a baseline JPEG";
+        return Err(Error::input(path.display(), photo, wanted, hint));
     }
-    let kind = if frame.progressive { "progressive " } else { "" };
-    let [width, height] = frame.size_px;
-    let photo =
-        format!("a {kind}JPEG of {width}x{height} pixels, which takes {} MiB", needed >> 20);
-    let hint = "scale the photo down, or save the photo again as a baseline JPEG";
-    Err(Error::input(path.display(), photo, format!("at most {} MiB", MAX_BYTES >> 20), hint))
+    if !frame.has_end {
+        let hint = "copy the whole file from the camera's card";
+        return Err(Error::input(path.display(), "a truncated JPEG", "a whole photo", hint));
+    }
+    Ok(())
 }
 
 #[cfg(test)]

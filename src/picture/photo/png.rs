@@ -173,9 +173,8 @@ pub(super) fn checked_size(path: &Path, width_px: u32, height_px: u32) -> Result
 }
 
 impl Readout {
-    /// Encodes the readout as PNG with 16 bits per channel. The number is the resolution for
-    /// printing in dots per inch. Everything else is as in [`develop`](super::develop) and
-    /// [`encode_png`].
+    /// Encodes the readout as PNG with 16 bits per channel, with the resolution for printing if it
+    /// is given. Otherwise, the file is that of [`develop`](super::develop) and [`encode_png`].
     pub fn encode_png16(
         &self,
         tone: Tone,

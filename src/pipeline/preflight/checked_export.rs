@@ -93,12 +93,12 @@ fn set_setpoint_kind(scene: &mut Scene, kind: SetpointKind) -> Result<()> {
     if flown_kind == kind {
         return Ok(());
     }
-    let (law, flown_kind) = (controller.kind.name(), flown_kind.name());
+    let (law, flown_name) = (controller.kind.name(), flown_kind.name());
     let hint = format!(
-        "under controller.kind = {law} flights are checked with {flown_kind} setpoints or as a \
+        "under controller.kind = {law} flights are checked with {flown_name} setpoints or as a \
          trajectory"
     );
-    Err(Error::input("the mode", kind.name(), format!("{flown_kind}, or trajectory"), hint))
+    Err(Error::input("the mode", kind.name(), format!("{flown_name}, or trajectory"), hint))
 }
 
 impl CheckedExport {
@@ -137,16 +137,17 @@ impl CheckedExport {
         strokes.map_or("drawing", |strokes| strokes.word.as_str())
     }
 
-    /// Returns the files to write, and how far they deviate from the plans. Scripts contain the
-    /// reason `unsafe_because` if one is given, and refuse to fly without it.
+    /// Returns the files to write, and how far they deviate from the plans. A script that is
+    /// written although it is unsafe warns below its first line, with the reason
+    /// `unsafe_because`.
     pub fn files(&self, unsafe_because: Option<&str>) -> Result<ExportedFiles> {
         let Self { options, shoot, trajectory, checks, .. } = self;
         let ExportOptions { format, mode, tolerance_m, .. } = options;
         // A script that sends setpoints also offers the trajectory if it is safe.
         let on_board = match format {
             Format::Cflib if trajectory.is_none() => {
-                let on_board = shoot.as_exported(Form::Compressed, *tolerance_m, Length::OnBoard);
-                on_board.ok().filter(|on_board| self.may_fly(on_board))
+                let compressed = shoot.as_exported(Form::Compressed, *tolerance_m, Length::OnBoard);
+                compressed.ok().filter(|compressed| self.may_fly(compressed))
             }
             _ => trajectory.clone(),
         };

@@ -79,7 +79,7 @@ pub fn preflight(shoot: &Shoot, profile: &Profile) -> Result<Preflight> {
 ///
 /// # Errors
 ///
-/// As [`preflight`].
+/// Returns the errors of [`preflight`].
 pub fn preflight_flown(mut shoot: Shoot, profile: &Profile) -> Result<(Shoot, Preflight)> {
     let recordings = std::mem::take(&mut shoot.recordings).into_iter();
     let flights = recordings.filter_map(|recording| match recording {

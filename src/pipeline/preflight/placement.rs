@@ -125,9 +125,7 @@ pub(super) fn plan_shot(
     let usual = usual_cameras(scene).map(|(name, options)| (name.to_owned(), options));
     let mut cameras = Vec::new();
     for (name, options) in [(own_name, scene.camera.clone())].into_iter().chain(usual) {
-        let mut camera = place_camera(options, strokes, room_m, trace, end_s, &scene.photo)?;
-        camera.name = name;
-        cameras.push(camera);
+        cameras.push(place_camera(name, options, strokes, room_m, (trace, end_s), &scene.photo)?);
     }
     Ok(Some(ShotPlan {
         room_m,
@@ -140,14 +138,14 @@ pub(super) fn plan_shot(
     }))
 }
 
-/// Returns the place of a camera in front of the word, with the light metered for it. Its name is
-/// left empty. `trace` is the light until `end_s`.
+/// Returns the place of a camera in front of the word, with the light metered for it. `trace` is
+/// the light until `end_s`.
 fn place_camera(
+    name: String,
     options: CameraOptions,
     strokes: &Strokes,
     room_m: [f64; 3],
-    trace: &LightTrace,
-    end_s: f64,
+    (trace, end_s): (&LightTrace, f64),
     photo: &PhotoOptions,
 ) -> Result<CameraPlace> {
     let (word_m, most_m) = (strokes.bounds_m(), max_camera_distance_m(room_m));
@@ -161,7 +159,7 @@ fn place_camera(
     let metered = fits.then(|| recommended(trace, &camera, &options, photo));
     // The maximum focal length and letter height are proportional to the distance.
     Ok(CameraPlace {
-        name: String::new(),
+        name,
         equivalent_m,
         least_m,
         tripod_m: fits.then(|| camera.position_m.into()),

@@ -284,7 +284,7 @@ fn air_s(plan: &Plan) -> f64 {
 /// for a drone without a battery model.
 pub fn longer_than_battery(shoot: &Shoot) -> Option<Diagnostic> {
     let hovers_s = hovers_s(&shoot.scene)?;
-    let longest_s = shoot.plans.iter().map(|it| air_s(&it.plan)).fold(0.0, f64::max);
+    let longest_s = shoot.plans.iter().map(|planned| air_s(&planned.plan)).fold(0.0, f64::max);
     let message = format!(
         "the plan is in the air for {longest_s:.0} s, and the battery can hover for {hovers_s:.0} s: \
          write fewer letters, or set plan.drones=2 or a shorter plan.style.hover_s"

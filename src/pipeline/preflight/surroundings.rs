@@ -189,8 +189,8 @@ fn is_by_lighthouse(scene: &Scene) -> bool {
     }
 }
 
-/// Ceiling height above which the size of a room may be in feet: few rooms are lower than 7 feet,
-/// and few halls are higher than 7 m.
+/// Ceiling height from which the size of a room may be in feet: few rooms are lower than 6.5 feet,
+/// and few halls are higher than 6.5 m.
 const FEET_FROM: f64 = 6.5;
 
 /// Checks the height of the room in m, which reveals a room measured in feet.

@@ -199,9 +199,9 @@ pub(super) fn digests(toml: &str, file: &str) -> Result<BTreeMap<String, String>
 /// Removes the digests from a scene file's table, so that only settings remain, and returns them by
 /// the name of their file. Returns [`Error::Input`] if they are not digests.
 fn take_digests(table: &mut Table) -> Result<BTreeMap<String, String>> {
-    let Some(digests) = table.remove(DIGESTS) else { return Ok(BTreeMap::new()) };
-    let digests = digests.try_into::<BTreeMap<String, String>>().ok();
-    let digests = digests.filter(|digests| {
+    let Some(value) = table.remove(DIGESTS) else { return Ok(BTreeMap::new()) };
+    let named = value.try_into::<BTreeMap<String, String>>().ok();
+    let digests = named.filter(|digests| {
         // A SHA-256 has 64 hexadecimal digits.
         digests.values().all(|hex| hex.len() == 64 && hex.bytes().all(|b| b.is_ascii_hexdigit()))
     });
@@ -372,14 +372,15 @@ pub(super) fn single_setting(key: &str, value: &str) -> Result<Table> {
     // If the key's value is text, digits are read as text, because a word may be 7.
     let defaults = Scene::preset(Preset::default()).to_table();
     let is_text = implied::value_at(&defaults, key).is_some_and(Value::is_str);
-    let mut value = match parsed {
-        Some(value) if value.is_str() || !is_text => value,
+    let mut nested = match parsed {
+        Some(parsed) if parsed.is_str() || !is_text => parsed,
         _ => Value::String(value.to_owned()),
     };
+    // Each part of the key, from the last to the first, is a table around the value.
     for part in key.rsplit('.') {
-        value = Value::Table([(part.to_owned(), value)].into_iter().collect());
+        nested = Value::Table([(part.to_owned(), nested)].into_iter().collect());
     }
-    let Value::Table(mut table) = value else { unreachable!("a key has at least one part") };
+    let Value::Table(mut table) = nested else { unreachable!("a key has at least one part") };
     name_release(&mut table);
     check_keys(&table)?;
     Ok(table)
@@ -481,9 +482,9 @@ pub(super) fn to_scene(values: Table) -> Result<Scene> {
 
 /// Returns the place of the value that a scene cannot have.
 ///
-/// serde's message names the keys, without the indices of lists. A list is read in order, so a
-/// date, which no setting is, changes the message if it replaces the wrong element or one before
-/// it. The last such element is found by bisection.
+/// serde's message names the keys, without the indices of lists. A list is read in order, and no
+/// setting accepts a date. A date therefore changes the message if it replaces the wrong element or
+/// an earlier one. Bisection finds the last such element, which is the wrong one.
 fn place_of(values: Table, error: &toml::de::Error) -> Place {
     let date = toml::value::Datetime { date: None, time: None, offset: None };
     let message = error.to_string();

@@ -30,7 +30,7 @@ const WIDTH_PX: u32 = 1920;
 /// Aperture number and ISO sensitivity of the camera with which the light is metered.
 const REFERENCE_F_NUMBER: f64 = 8.0;
 const REFERENCE_ISO: f64 = 100.0;
-/// Smallest and largest ISO sensitivity that is set on a camera with exchangeable lenses.
+/// Minimum and maximum ISO sensitivity that is set on a camera with exchangeable lenses.
 const USUAL_ISO: [f64; 2] = [100.0, 3200.0];
 /// Stops by which a trail may be darker than its target without a warning.
 const TOLERATED_STOPS: f64 = 1.0;
@@ -106,18 +106,18 @@ pub fn recommended(
     if !samples.any(|sample| is_exposed(sample, camera)) {
         return None;
     }
-    let camera = reference_camera(camera, options);
-    let readings = meter(trace, &camera).ok()?;
+    let reference = reference_camera(camera, options);
+    let readings = meter(trace, &reference).ok()?;
     let brightest = readings.iter().max_by(|a, b| a.median_stops.total_cmp(&b.median_stops))?;
     let trail_stops = brightest.median_stops;
-    let room_stops = photo.ambient_stops(&camera);
-    let channel_stops = color_stops(trace, &camera, &brightest.name);
+    let room_stops = photo.ambient_stops(&reference);
+    let channel_stops = color_stops(trace, &reference, &brightest.name);
     let (stops, keeps_room_dark) =
         correction_stops(&targets, channel_stops, trail_stops, room_stops);
-    let (f_number, iso) = settings(options, &camera, stops);
+    let (f_number, iso) = settings(options, &reference, stops);
     // The settings have steps and limits. A filter compensates for the remaining overexposure.
-    let opened_stops = 2.0 * libm::log2(camera.f_number / f_number);
-    let excess_stops = opened_stops + libm::log2(iso / camera.iso) - stops;
+    let opened_stops = 2.0 * libm::log2(reference.f_number / f_number);
+    let excess_stops = opened_stops + libm::log2(iso / reference.iso) - stops;
     let set_stops = stops + excess_stops;
     let open_s = camera.shutter_close_s - camera.shutter_open_s;
     let fixed = options.body.fixed_lens();

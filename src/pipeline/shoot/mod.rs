@@ -231,7 +231,7 @@ impl Shoot {
     ///
     /// # Errors
     ///
-    /// As [`Self::of_strokes`].
+    /// Returns the errors of [`Self::of_strokes`].
     pub fn flown(scene: Scene, strokes: Strokes, check: &DesignCheck<'_>) -> Result<Self> {
         Self::planned(scene, strokes, check, true)
     }
@@ -368,7 +368,7 @@ impl Shoot {
     ///
     /// # Panics
     ///
-    /// If there is no plan with this index.
+    /// Panics if there is no plan with this index.
     pub fn fly_drone(&self, drone: usize, progress: &mut dyn FnMut(f64)) -> Result<Flight> {
         let believed = self.scene.sim();
         fly(&self.plans[drone].plan, &self.drone(drone, &believed), progress)
@@ -378,7 +378,7 @@ impl Shoot {
     ///
     /// # Panics
     ///
-    /// If there is no plan.
+    /// Panics if there is no plan.
     pub fn session(&self, begin: impl FnOnce(&mut Avionics)) -> Result<Session> {
         let believed = self.scene.sim();
         Session::new(self.plans[0].plan.clone(), &self.drone(0, &believed), begin)
@@ -405,7 +405,7 @@ impl Shoot {
     ///
     /// # Errors
     ///
-    /// As [`Self::take`].
+    /// Returns the errors of [`Self::take`].
     pub fn take_by(mut self, developer: Developer, watch: &Watch<'_>) -> Result<Shot> {
         // The reader is prepared during the flight, because this takes time.
         let recordings = std::mem::take(&mut self.recordings);

@@ -140,11 +140,11 @@ pub(super) fn with_color_channels(mut plan: Plan, light: &LightOptions) -> Plan 
     plan
 }
 
-/// Maximum number of multiplications for inverting a loop, which take a few seconds.
+/// Maximum number of multiplications for inverting a loop. They take a few seconds.
 const MAX_INVERSE: f64 = 4e9;
 
 /// Checks that inverting the loop for a plan's setpoints takes at most [`MAX_INVERSE`]
-/// multiplications, which is minutes.
+/// multiplications. Returns [`Error::Infeasible`] otherwise.
 fn check_cost(plan: &Plan, responses: &[StepResponse; 3]) -> Result<()> {
     let n = plan.setpoints.len();
     let interval_s = plan.duration_s() / n.max(1) as f64;

@@ -27,8 +27,8 @@ pub fn linearize<const N: usize, const M: usize>(
 }
 
 /// Returns the linear model `(A, B)` as [`linearize`] does, but with Richardson's extrapolation
-/// from two steps, which is exact to 1e-12. The result serves for printed numbers and comparisons,
-/// because a flight does not need this accuracy.
+/// from two steps, which is exact to 1e-12. It is used for printed numbers and comparisons. A
+/// flight does not need this accuracy.
 pub fn linearize_finely<const N: usize, const M: usize>(
     f: impl Fn(&SVector<f64, N>, &SVector<f64, M>) -> SVector<f64, N>,
     x: &SVector<f64, N>,
@@ -42,7 +42,7 @@ pub fn linearize_finely<const N: usize, const M: usize>(
 }
 
 /// Returns the Jacobian of `f` by central differences. `step` is relative to the larger of 1 and
-/// the argument.
+/// the argument's magnitude.
 fn jacobian<const N: usize, const M: usize>(
     f: impl Fn(&SVector<f64, M>) -> SVector<f64, N>,
     point: &SVector<f64, M>,
@@ -65,7 +65,7 @@ pub fn dynamic<const R: usize, const C: usize>(m: &SMatrix<f64, R, C>) -> Matrix
 }
 
 /// Returns the block matrix `[A B; C D]` with square blocks `A` and `D`.
-pub(crate) fn with_states(a: &Matrix, b: &Matrix, c: &Matrix, d: &Matrix) -> Matrix {
+pub(crate) fn block_matrix(a: &Matrix, b: &Matrix, c: &Matrix, d: &Matrix) -> Matrix {
     let (n, m) = (a.nrows(), d.nrows());
     let mut joined = a.clone().resize(n + m, n + m, 0.0);
     joined.view_mut((0, n), (n, m)).copy_from(b);
@@ -84,7 +84,8 @@ pub fn observability_rank(a: &Matrix, c: &Matrix) -> usize {
 /// arbitrary, so it serves only to determine ranks.
 fn observability_columns(a: &Matrix, c: &Matrix) -> Matrix {
     let (n, p) = (a.nrows(), c.nrows());
-    // Time is scaled so that the powers of A neither grow nor shrink much.
+    // Time is scaled so that the powers of A neither grow nor shrink much. A zero matrix stays
+    // zero.
     let scaled = a / a.norm().max(f64::MIN_POSITIVE);
     let mut columns = Matrix::zeros(n, n * p);
     let mut block = c.clone();
@@ -107,7 +108,9 @@ fn rank(columns: Matrix) -> usize {
 /// the stability boundary and a matrix that is not finite count as unstable.
 pub fn is_hurwitz(a: &Matrix) -> bool {
     // The Cayley transform (1 + A)(1 − A)⁻¹ maps the left half-plane to the unit disc. Its powers
-    // vanish exactly if all eigenvalues are inside, which repeated squaring reveals.
+    // vanish exactly if all eigenvalues are inside, which repeated squaring reveals. Powers whose
+    // norm is less than 1, with a margin for rounding, can only decrease further. A zero matrix,
+    // scaled to NaN, is unstable.
     let scaled = a / a.norm();
     let one = Matrix::identity(a.nrows(), a.ncols());
     let Some(inverse) = (&one - &scaled).try_inverse() else {

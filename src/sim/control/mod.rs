@@ -39,7 +39,7 @@ mod riccati;
 /// Matrix of dynamic size, so that analysis and design are compiled once for systems of any size.
 type Matrix = DMatrix<f64>;
 
-pub(crate) use linear::with_states;
+pub(crate) use linear::block_matrix;
 pub use linear::{
     dynamic, is_hurwitz, linearize, linearize_finely, observability_rank, unobservable_states,
 };

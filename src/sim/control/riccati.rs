@@ -3,7 +3,7 @@
 use nalgebra::Cholesky;
 
 use super::Matrix;
-use super::linear::{is_hurwitz, with_states};
+use super::linear::{block_matrix, is_hurwitz};
 use noctograph_core::error::{Error, Result};
 
 /// Maximum number of doublings. Each doubling squares the error, so a solvable problem takes 7 to
@@ -16,7 +16,8 @@ const CONVERGED: f64 = 1e-15;
 /// rounding of `X` itself causes 1e-16, and well-posed problems leave 1e-12 or less.
 const MAX_RESIDUAL: f64 = 1e-10;
 /// Residual relative to the terms (`‖Q‖ + ‖XGX‖`) above which a solution is refined. The reference
-/// flight's problem leaves 1e-15, and weights that differ by six decades up to 1e-5.
+/// flight's problem leaves 1e-15, and a problem whose weights differ by six decades leaves up to
+/// 1e-5.
 const REFINED_FROM: f64 = 1e-13;
 /// Maximum number of refinement steps. Each step squares the error, so only rounding remains after
 /// two.
@@ -34,7 +35,7 @@ const LYAPUNOV_SHIFT: f64 = 0.25;
 /// `G` and `Q` must be symmetric and positive semidefinite. The solution is accepted only if its
 /// residual is below 1e-10 of the equation's terms, if it is positive definite, and if `A − GX` is
 /// stable. There is no solution if an uncontrollable mode is unstable, or if a mode has no cost.
-/// For the reference flight's problem, it agrees with a 50-digit solution to within 1e-15.
+/// For the reference flight's problem, `X` agrees with a 50-digit solution to within 1e-15.
 pub(super) fn care(a: &Matrix, g: &Matrix, q: &Matrix) -> Result<Matrix> {
     // For each shift, the equation is transformed, solved by doubling, refined and checked. A shift
     // that is an eigenvalue of A fails, and the next one is tried.
@@ -90,9 +91,9 @@ fn through_cayley(a: &Matrix, g: &Matrix, q: &Matrix, shift: f64) -> Option<Matr
 
 /// Returns the geometric mean of the magnitudes in 1/s of the closed loop's poles, `|det
 /// H|^(1/2n)`. The spectrum of the Hamiltonian matrix H is that of the closed loop and its mirror
-/// image. This shift gives the best-conditioned problem.
+/// image. As the shift of the Cayley transform, this mean gives the best-conditioned problem.
 fn mean_pole(a: &Matrix, g: &Matrix, q: &Matrix) -> f64 {
-    let hamiltonian = with_states(a, &-g, &-q, &-a.transpose());
+    let hamiltonian = block_matrix(a, &-g, &-q, &-a.transpose());
     let pivots = hamiltonian.lu().u().diagonal();
     // Logarithms are summed, because the determinant of a large matrix overflows.
     let n = pivots.len() as f64;

@@ -19,10 +19,11 @@ use noctograph_core::error::Result;
 const LEAST_GAIN_M_S2: f64 = 1.0;
 /// Vertical velocity error in m/s that costs as much as an error of `controller.altitude.error_m`.
 const ERROR_M_S: f64 = 1.0;
-/// Cosine of the largest tilt for which the throttle compensates.
+/// Cosine of the largest tilt, 60°, for which the throttle compensates. Beyond it, full throttle
+/// would mainly accelerate the drone sideways.
 const LEAST_COS_TILT: f64 = 0.5;
 /// Maximum horizontal error in m that the regulator receives. When satellite fixes return after 10
-/// s, the estimate jumps by meters, at which the regulator would otherwise flip the drone over.
+/// s, the estimate jumps by meters. Without this limit, the regulator would flip the drone over.
 const REACH_M: f64 = 0.5;
 
 /// Map from a throttle, 0 to 1, to the vertical acceleration, `z̈ = α⁰ + α¹ τ`.

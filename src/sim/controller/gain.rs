@@ -29,16 +29,17 @@ impl Gain {
         let weights = &options.controller.lqr;
         let n = a.nrows();
         // A given gain is extended by zeros if it has no columns for the rotors.
-        if let Some(k) = &weights.k {
-            let k = DMatrix::from_row_iterator(N_INPUTS, k[0].len(), k.iter().flatten().copied());
-            let k = k.resize_horizontally(n + N_INPUTS, 0.0);
-            let k_rotor = k.fixed_view::<4, 4>(0, n).into_owned();
-            return Ok(Self { k: k.columns(0, n).into_owned(), k_rotor });
+        if let Some(rows) = &weights.k {
+            let entries = rows.iter().flatten().copied();
+            let given = DMatrix::from_row_iterator(N_INPUTS, rows[0].len(), entries);
+            let extended = given.resize_horizontally(n + N_INPUTS, 0.0);
+            let k_rotor = extended.fixed_view::<4, 4>(0, n).into_owned();
+            return Ok(Self { k: extended.columns(0, n).into_owned(), k_rotor });
         }
-        let q = weights.q.iter().chain(&weights.q_integral).copied().take(n);
+        let costs = weights.q.iter().chain(&weights.q_integral).copied().take(n);
         let r = Vector4::from(weights.r);
         let Some(lag_s) = modeled_lag_s(options) else {
-            let q = DMatrix::from_diagonal(&DVector::from_iterator(n, q));
+            let q = DMatrix::from_diagonal(&DVector::from_iterator(n, costs));
             let r = dynamic(&Matrix4::from_diagonal(&r));
             let k = lqr(a, b, &q, &r).map_err(without_gain)?;
             return Ok(Self { k, k_rotor: Matrix4::zeros() });
@@ -49,11 +50,10 @@ impl Gain {
         let per_unit = Matrix4::from_diagonal(&r.map(f64::sqrt));
         let b = b * dynamic(&unit);
         let [a, b, _] = with_input_lag(a, &b, &DMatrix::zeros(4, n), lag_s);
-        let q = DVector::from_iterator(n + 4, q.chain([0.0; 4]));
-        let k = lqr(&a, &b, &DMatrix::from_diagonal(&q), &DMatrix::identity(4, 4));
-        let k = k.map_err(without_gain)?;
-        let k_rotor = unit * k.fixed_view::<4, 4>(0, n) * per_unit;
-        Ok(Self { k: dynamic(&unit) * k.columns(0, n), k_rotor })
+        let q = DMatrix::from_diagonal(&DVector::from_iterator(n + 4, costs.chain([0.0; 4])));
+        let scaled = lqr(&a, &b, &q, &DMatrix::identity(4, 4)).map_err(without_gain)?;
+        let k_rotor = unit * scaled.fixed_view::<4, 4>(0, n) * per_unit;
+        Ok(Self { k: dynamic(&unit) * scaled.columns(0, n), k_rotor })
     }
 }
 

@@ -36,8 +36,8 @@ pub(super) struct Geometric {
 }
 
 impl Geometric {
-    /// Creates a controller whose integrals are zero. The gains are per mass and per moment of
-    /// inertia, so the drone's own are kept to convert them to thrust and torque.
+    /// Creates a controller whose integrals are zero. The gains are per unit mass and per unit
+    /// moment of inertia, so the drone's mass and inertia are stored to compute thrust and torque.
     pub(super) fn new(options: &SimOptions) -> Self {
         Self {
             gains: options.controller.geometric.clone(),
@@ -51,8 +51,9 @@ impl Geometric {
         }
     }
 
-    /// Adds a tick's error to the integral, and returns the desired force per mass, which is the
-    /// reference acceleration plus gravity, corrected for the errors of position and velocity.
+    /// Adds a tick's position error to its integral, and returns the desired force per unit mass.
+    /// This force is the reference acceleration plus gravity compensation, minus feedback of the
+    /// position error, the velocity error, and the integral.
     fn force_m_s2(
         &mut self,
         velocity_m_s: &Vector3<f64>,
@@ -76,7 +77,7 @@ impl Controller for Geometric {
     /// Returns the motor commands by the control law of Lee, Leok and `McClamroch` 2010, and
     /// advances the integrals of both errors.
     fn command(&mut self, estimate: &State, reference: &Reference) -> Command {
-        // The thrust is the desired force along the present body axis.
+        // The thrust is the component of the desired force along the body's present z axis.
         let world_from_body = attitude(estimate).world_from_body();
         let error_m = position(estimate) - reference.position_m;
         let force = self.force_m_s2(&(world_from_body * velocity(estimate)), &error_m, reference);
@@ -86,17 +87,17 @@ impl Controller for Geometric {
         }
         // The desired attitude aligns the body's z axis with the desired force. A drone that would
         // have to thrust downward is held level.
-        let wanted = wanted_attitude(&if thrust_n > 0.0 { force } else { Vector3::z() });
-        let error = attitude_error(&wanted, &world_from_body);
+        let desired = wanted_attitude(&if thrust_n > 0.0 { force } else { Vector3::z() });
+        let error = attitude_error(&desired, &world_from_body);
         self.attitude_sum += error * self.tick_s;
 
         // The desired body rate is that of the desired attitude, and zero without thrust.
         let w = rate(estimate);
         let wanted_rate = match thrust_n {
             0.0 => Vector3::zeros(),
-            _ => wanted_rate(&wanted, &reference.jerk_m_s3, thrust_n / self.mass_kg),
+            _ => wanted_rate(&desired, &reference.jerk_m_s3, thrust_n / self.mass_kg),
         };
-        let error_rad_s = w - world_from_body.tr_mul(&(wanted * wanted_rate));
+        let error_rad_s = w - world_from_body.tr_mul(&(desired * wanted_rate));
         let GeometricOptions { k_attitude, k_rate, k_attitude_integral, .. } = self.gains;
         let turning_rad_s2 = -error.component_mul(&Vector3::from(k_attitude))
             - error_rad_s.component_mul(&Vector3::from(k_rate))

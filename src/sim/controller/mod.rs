@@ -31,7 +31,8 @@ pub(super) trait Controller: std::fmt::Debug + Send {
     /// Returns the motor commands for the estimated state and the reference.
     fn command(&mut self, estimate: &State, reference: &Reference) -> Command;
 
-    /// Resets the integrals while the motors are off.
+    /// Resets the integrals, and all else that is stored between two commands, while the motors are
+    /// off.
     fn rest(&mut self, estimate: &State);
 
     /// Prepares for a change in the kind of setpoint, to level out, resume the flight or land.

@@ -232,8 +232,8 @@ impl PidCascade {
         let wanted = [self.wanted[0], self.wanted[1], 0.0];
         std::array::from_fn(|i| {
             // The shorter rotation is used, which matters only for the yaw.
-            let error = wanted[i] - angles[i];
-            let error = error - FULL_TURN * (error / FULL_TURN).round();
+            let difference = wanted[i] - angles[i];
+            let error = difference - FULL_TURN * (difference / FULL_TURN).round();
             let wanted_rate = self.attitude[i].update(error, angles[i]);
             self.rate[i].update(wanted_rate - rates[i], rates[i])
         })

@@ -122,8 +122,8 @@ impl AltitudeFilter {
     /// Propagates the estimate over a span in which the throttle, 0 to 1, was constant. Forgets the
     /// readings of the previous span.
     pub fn predict(&mut self, throttle: f64, span_s: f64) {
-        // The entries (row, column, value) of Φ − 1 follow from z̈ = α⁰ + α¹ τ + gust, constant
-        // over the span. The gust decays toward zero.
+        // The entries (row, column, value) of Φ − 1, in the order of `AltitudeState`, follow from
+        // z̈ = α⁰ + α¹ τ + gust, constant over the span. The gust decays toward zero.
         let t = span_s;
         let kept = libm::exp(-t / GUST_TIME_S);
         let half = 0.5 * t * t;

@@ -21,7 +21,7 @@ use noctograph_core::plan::Plan;
 
 /// Number of steps per second, unless ranges come faster.
 const RATE_HZ: f64 = 100.0;
-/// Minimum noise of a range or a height in m.
+/// Minimum noise of a range or a height in m. Without noise, the covariance would be singular.
 const LEAST_SIGMA_M: f64 = 1e-4;
 /// Margin in m of the box around anchors and word in which an additional anchor is tried.
 const MARGIN_M: f64 = 0.2;
@@ -215,7 +215,7 @@ pub fn writing_sigma_m(bounds: &[Bound], letter: Option<usize>) -> Option<f64> {
 
 /// Returns the position in m of an additional anchor with which all drones have the lowest bound
 /// over the strokes, and that bound in m. The candidates form a grid in the box around anchors and
-/// word. The position is at least 0.1 m above the floor.
+/// word. The position is at least 0.1 m above the floor. The bound is infinite if no stroke is lit.
 ///
 /// # Errors
 ///
@@ -236,15 +236,15 @@ pub fn one_more_anchor(plans: &[&Plan], options: &SimOptions) -> Result<([f64; 3
             low_m[axis] + fraction * (high_m[axis] - low_m[axis])
         });
         position_m[2] = position_m[2].max(LEAST_ANCHOR_HEIGHT_M);
-        let mut options = options.clone();
-        let uwb = &mut options.sensors.uwb;
+        let mut extended = options.clone();
+        let uwb = &mut extended.sensors.uwb;
         if uwb.anchors_m.contains(&position_m) {
             continue;
         }
         let n = uwb.anchors_m.len();
         uwb.anchors_m.push(position_m);
         uwb.heard.iter_mut().for_each(|heard| heard.push(n));
-        let sigma_m = writing_sigma_m(&bounds(plans, &options)?, None).unwrap_or(f64::INFINITY);
+        let sigma_m = writing_sigma_m(&bounds(plans, &extended)?, None).unwrap_or(f64::INFINITY);
         if sigma_m < best.1 {
             best = (position_m, sigma_m);
         }

@@ -186,8 +186,8 @@ impl Cooperative {
         self.gate.correct(&mut self.joint.normal, link, &measurement);
     }
 
-    /// Returns the state of peer `k` at a time up to its last message, or `None` if it is unknown.
-    /// Returns `None` also for a time in a gap between messages.
+    /// Returns the state of peer `k` at a time up to its last message, or `None` if it is unknown,
+    /// as in a long gap between messages.
     fn delayed_state_of_peer(&self, k: usize, time_s: f64) -> Option<DelayedState> {
         let peer = &self.peers[k];
         let now = peer.motions.back()?;
@@ -297,10 +297,10 @@ impl Cooperative {
         self.peers[k].motions.back().map_or(0.0, |last| last.time_s)
     }
 
-    /// Sets the velocity of a drone to zero if it is on the floor, where its accelerometer measures
-    /// its weight. The function must only be called while the motors are off. The accelerometer
-    /// does not measure the impact of the landing. Otherwise, the fleet's estimates would therefore
-    /// continue to fall with the landed drone.
+    /// Sets the velocity of this drone to zero if it is on the floor, where its accelerometer
+    /// measures its weight. The function must only be called while the motors are off. Because the
+    /// accelerometer does not measure the impact of the landing, all estimates of this drone in the
+    /// fleet would otherwise continue to fall.
     pub(crate) fn rest(&mut self) {
         if !self.peers.is_empty() && self.force_m_s2.z > ON_FLOOR_M_S2 {
             // The other two velocities keep their differences from the joint filter's velocity.
@@ -310,7 +310,8 @@ impl Cooperative {
         }
     }
 
-    /// Returns the drone's next message to the fleet, or `None` if drones exchange nothing.
+    /// Returns the drone's next message to the fleet, or `None` if drones exchange nothing. The
+    /// measurements since the last message are moved into it.
     pub(crate) fn message(&mut self) -> Option<Message> {
         if self.share == Share::Nothing {
             return None;
@@ -332,8 +333,9 @@ impl Cooperative {
         })
     }
 
-    /// Advances the sender of a message to the message's time, and corrects the estimate with its
-    /// measurements. A message that is not newer than the last one is ignored.
+    /// Corrects the estimate with a message and with the stored ranges to its sender. If drones
+    /// exchange measurements, the sender's state is first advanced to the message's time. A message
+    /// that is not newer than the sender's last one is ignored.
     pub(crate) fn receive(&mut self, message: &Message) {
         let Some(k) = self.index_of(message.from) else { return };
         if message.motion.time_s <= self.last_s(k) {
@@ -355,7 +357,8 @@ impl Cooperative {
 }
 
 impl Estimator for Cooperative {
-    /// Updates the joint filter and both dead reckonings.
+    /// Updates the joint filter and both dead reckonings, and stores the measurements for the next
+    /// message.
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let force_m_s2 = readings.specific_force_m_s2;
         self.force_m_s2 = force_m_s2;

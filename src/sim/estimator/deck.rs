@@ -69,6 +69,7 @@ impl Deck {
         let mut rotations = Vec::new();
         for sweep in sweeps {
             let Sweep { station, plane, angles_rad } = *sweep;
+            // The angles of both planes serve for the yaw even if the sweeps are used separately.
             let both_rad = self.pair(sweep, time_s);
             let planes = match both_rad {
                 _ if !self.pairs => vec![(plane, angles_rad)],
@@ -96,7 +97,8 @@ impl Deck {
         None
     }
 
-    /// True if a rotation is kept. The call also counts the rotation to measure their rate.
+    /// True if a rotation is kept. The call also counts the rotation to measure their rate. A limit
+    /// of 0 Hz keeps every rotation.
     fn keeps(&mut self, time_s: f64) -> bool {
         if self.rotations_hz == 0.0 {
             return true;

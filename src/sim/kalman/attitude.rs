@@ -27,6 +27,8 @@ impl Turned {
     /// axes), which is applied in two equal steps.
     #[inline(always)]
     pub fn halfway_and_by(&self, turn_rad: &Vector3<f64>) -> [Self; 2] {
+        // The length of `half` differs from 1 by the sixth power of its angle, so only the attitude
+        // that is kept is scaled to length 1.
         let half = small(&(turn_rad * 0.5));
         let midway = self.0 * half;
         [Self(midway), Self(unit(midway * half))]
@@ -69,7 +71,8 @@ fn small(turn_rad: &Vector3<f64>) -> Quaternion<f64> {
 #[inline(always)]
 fn unit(q: Quaternion<f64>) -> Quaternion<f64> {
     let square = q.norm_squared();
-    // Near a length of 1, a step of Newton's method squares the error without a square root.
+    // Near a length of 1, a step of Newton's method squares the error without a square root. From
+    // 1e-8, only rounding remains.
     let is_near_one = (square - 1.0).abs() < 1e-8;
     q * if is_near_one { 1.5 - 0.5 * square } else { 1.0 / square.sqrt() }
 }

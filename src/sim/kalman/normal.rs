@@ -16,7 +16,8 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
-/// Numbers of states of a filter for one drone and for two drones.
+/// Numbers of states of a filter for one drone and for two drones, for which the inner loops are
+/// compiled separately.
 const ONE_DRONE: usize = 9;
 const TWO_DRONES: usize = 18;
 
@@ -263,7 +264,8 @@ impl Step {
     }
 }
 
-/// Returns a vector's direction, which is the gradient of its length, and its length.
+/// Returns a vector's direction, which is the gradient of its length, and its length. A zero vector
+/// has a zero direction.
 #[inline]
 pub fn toward(vector_m: &Vector3<f64>) -> (Vector3<f64>, f64) {
     let length_m = vector_m.norm();

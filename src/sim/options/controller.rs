@@ -119,7 +119,8 @@ settings! {
         vel_x: [f64; 3] = [25.0, 1.0, 0.0], in 0.0..=1e5;
         /// Velocity gains along y in degrees of roll per m/s.
         vel_y: [f64; 3] = [25.0, 1.0, 0.0], in 0.0..=1e5;
-        /// Velocity gains along z in thousands of a command of 65535 per m/s.
+        /// Velocity gains along z in thousands of command units (65535 is full power) per
+        /// m/s.
         vel_z: [f64; 3] = [25.0, 15.0, 0.0], in 0.0..=1e5;
         /// Roll gains in °/s per degree (`pid_attitude.roll_kp` …).
         roll: [f64; 3] = [6.0, 3.0, 0.0], in 0.0..=1e5;
@@ -127,15 +128,16 @@ settings! {
         pitch: [f64; 3] = [6.0, 3.0, 0.0], in 0.0..=1e5;
         /// Yaw gains.
         yaw: [f64; 3] = [6.0, 1.0, 0.35], in 0.0..=1e5;
-        /// Roll rate gains in a command of 65535 per °/s (`pid_rate.roll_kp` …).
+        /// Roll rate gains in command units (65535 is full power) per °/s (`pid_rate.roll_kp` …).
         roll_rate: [f64; 3] = [250.0, 500.0, 2.5], in 0.0..=1e5;
         /// Pitch rate gains.
         pitch_rate: [f64; 3] = [250.0, 500.0, 2.5], in 0.0..=1e5;
         /// Yaw rate gains.
         yaw_rate: [f64; 3] = [120.0, 16.7, 0.0], in 0.0..=1e5;
-        /// Assumed hover command of 65535 (`PID_VEL_THRUST_BASE`).
+        /// Assumed hover command, in units of which 65535 is full power (`PID_VEL_THRUST_BASE`).
         ///
-        /// The loops' integrals compensate the difference, so heavy drones take off late.
+        /// The loops' integrals compensate an error of this value slowly, so heavy drones take off
+        /// late.
         thrust_base: f64 = 36_000.0, in 0.0..=65_535.0;
     }
 
@@ -181,8 +183,8 @@ impl ControllerOptions {
         Err(Error::input("controller.lqr.k", given, wanted, hint))
     }
 
-    /// Returns the kind of setpoint that the host sends during writing, and with which checks are
-    /// made.
+    /// Returns the kind of setpoint that the host sends while the drone writes, which is also the
+    /// kind that is checked.
     pub fn sends(&self) -> SetpointKind {
         match self.kind {
             ControllerKind::Pid => self.setpoints,

@@ -58,8 +58,8 @@ settings! {
     pub enum Share {
         /// Motion, ranges and heights, from which every drone estimates all drones.
         "measurements" => Measurements,
-        /// Estimates of the drones. These count information common to two drones twice, are less
-        /// accurate, and serve only for comparison.
+        /// Estimates of the drones, for comparison only. Information common to two drones is
+        /// counted twice, which makes the estimates less accurate.
         "estimates" => Estimates,
         /// Nothing, so that every drone uses only its anchors.
         "nothing" => Nothing,
@@ -133,8 +133,8 @@ settings! {
     pub struct AltitudeOptions {
         /// Standard deviation of a barometric altitude.
         barometer_sigma_m: f64 = 0.25, in 0.001..=10.0;
-        /// Noise density of the vertical acceleration in (m/s²)/√Hz in addition to the gusts, from
-        /// gusts within a step and the lag of the motors.
+        /// Noise density of the vertical acceleration in (m/s²)/√Hz, in addition to that of the
+        /// gusts, due to changes of a gust within a step and to the lag of the motors.
         acceleration_noise_m_s2_sqrt_hz: f64 = 0.04243, in 0.0001..=100.0;
         /// Assumed hover throttle at the start, which is the vehicle's by default.
         hover_throttle: Option<f64> = None, in 0.01..=0.99;

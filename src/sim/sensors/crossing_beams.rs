@@ -47,7 +47,8 @@ impl CrossingBeams {
     }
 
     /// Returns the position of the deck's center after the sweeps of this tick. Returns `None`
-    /// unless a second plane has passed and both planes of two stations have been received.
+    /// unless a second plane has passed in this tick and both planes of at least two stations have
+    /// been received recently.
     pub(super) fn fix_m(&mut self, sweeps: &[Sweep], time_s: f64) -> Option<Vector3<f64>> {
         for sweep in sweeps {
             let heard = &mut self.stations[sweep.station];

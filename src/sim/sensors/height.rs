@@ -48,8 +48,8 @@ impl TimeOfFlight {
         }
     }
 
-    /// Returns the distance to the floor in m, or `None` if none is due or no floor is within
-    /// range.
+    /// Returns the distance to the floor in m, at least 0, or `None` if none is due or no floor is
+    /// within range.
     pub(super) fn read(
         &mut self,
         position_m: &Vector3<f64>,
@@ -60,14 +60,15 @@ impl TimeOfFlight {
         // The noise is drawn at every reading, even without a floor. A `noise_m` of 0 means exact
         // readings at any distance.
         let normal = self.noise.normal();
-        let error = if self.noise_m > 0.0 { normal } else { 0.0 };
+        let deviation_sigmas = if self.noise_m > 0.0 { normal } else { 0.0 };
         let down = -world_from_body().column(2);
         if down.z >= 0.0 {
             return None;
         }
         let distance_m = self.floor.distance_m(position_m, &down);
         (distance_m <= TIME_OF_FLIGHT_RANGE_M).then(|| {
-            (distance_m + error * time_of_flight_sigma_m(self.noise_m, distance_m)).max(0.0)
+            let sigma_m = time_of_flight_sigma_m(self.noise_m, distance_m);
+            (distance_m + deviation_sigmas * sigma_m).max(0.0)
         })
     }
 }

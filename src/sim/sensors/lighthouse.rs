@@ -129,13 +129,13 @@ impl Lighthouse {
                 // Noise is also drawn for unseen sweeps, so that no sweep affects another's noise.
                 let is_lost = rotor.chance.uniform() < self.loss_frac;
                 let errors = rotor.errors_rad();
-                let world_from_body = world_from_body();
-                let up = world_from_body.column(2).into_owned();
+                let room_from_body = world_from_body();
+                let up = room_from_body.column(2).into_owned();
                 if is_lost || self.room.is_silent(station, time_s) {
                     continue;
                 }
                 // The deck also receives sweeps that hit its image in a mirror.
-                let attitude = turn * world_from_body;
+                let attitude = turn * room_from_body;
                 let mirrors = self.room.mirrors.iter();
                 for mirror in mirrors.filter(|m| m.shows_to(&rotor.truth, position_m, &up)) {
                     let (image_m, reflected) =

@@ -119,7 +119,7 @@ pub struct Sensors {
 
 /// Sensor that measures the position.
 #[derive(Debug)]
-#[expect(clippy::large_enum_variant, reason = "one a drone")]
+#[expect(clippy::large_enum_variant, reason = "one per drone")]
 enum Locator {
     Position(PositionSensor),
     /// Sweeps, and optionally the positions at which their beams cross.
@@ -130,7 +130,7 @@ enum Locator {
 
 /// Sensor that measures the height.
 #[derive(Debug)]
-#[expect(clippy::large_enum_variant, reason = "a few a drone")]
+#[expect(clippy::large_enum_variant, reason = "a few per drone")]
 enum Altimeter {
     TimeOfFlight(TimeOfFlight),
     Barometer(Barometer),

@@ -507,14 +507,15 @@ impl SensorOptions {
     /// anchors that each drone receives.
     pub(crate) fn check_counts(&self) -> Result<()> {
         let [least_stations, least_anchors] = self.positioning.least_counts();
-        let stations = &self.lighthouse.stations;
+        let (stations, anchors_m) = (&self.lighthouse.stations, &self.uwb.anchors_m);
+        let key = "sensors.lighthouse.stations";
         let hint = "list the room's base stations";
-        let place = "sensors.lighthouse.stations";
-        check_count(place, stations.len(), [least_stations, MAX_STATIONS], hint)?;
-        let hint = "at most two v1 stations take turns, so use v2 for more stations";
-        check_count(&format!("{place}, generation v1"), count_v1(stations), [0, 2], hint)?;
-        let (place, hint) = ("sensors.uwb.anchors_m", "list the positions of the anchors");
-        check_count(place, self.uwb.anchors_m.len(), [least_anchors, MAX_ANCHORS], hint)?;
+        check_count(key, stations.len(), [least_stations, MAX_STATIONS], hint)?;
+        let v1_hint = "at most two v1 stations take turns, so use v2 for more stations";
+        check_count(&format!("{key}, generation v1"), count_v1(stations), [0, 2], v1_hint)?;
+        let anchor_hint = "list the positions of the anchors";
+        let anchor_bounds = [least_anchors, MAX_ANCHORS];
+        check_count("sensors.uwb.anchors_m", anchors_m.len(), anchor_bounds, anchor_hint)?;
         if least_anchors == 0 { Ok(()) } else { self.uwb.check_anchors(least_anchors) }
     }
 }

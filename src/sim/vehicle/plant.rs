@@ -112,9 +112,9 @@ impl Plant {
     pub fn enter<'a>(&mut self, jets: impl Iterator<Item = &'a Jet>) {
         let (body, thrust_n) = (self.body(), self.rotors.thrust_n());
         let lost_n: Vector4<f64> = jets.map(|jet| jet.lost_n(&body, thrust_n, self.arm_m)).sum();
-        // The total loss is limited to a rotor's mean thrust.
-        let lost_n = lost_n.map(|lost_n| lost_n.min(thrust_n / N_MOTORS));
-        self.lost = (lost_n.max() > 0.0).then(|| self.rotors.lost_load(&lost_n));
+        // The losses in several jets add up, but no rotor loses more than the mean thrust.
+        let bounded_n = lost_n.map(|lost_n| lost_n.min(thrust_n / N_MOTORS));
+        self.lost = (bounded_n.max() > 0.0).then(|| self.rotors.lost_load(&bounded_n));
     }
 
     /// Advances the drone by one step under motor commands m1…m4, each from 0 to the maximum.

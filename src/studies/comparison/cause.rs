@@ -88,10 +88,11 @@ fn lag(pairs: &[[FlightSample; 2]]) -> (f64, Vec<Vector3<f64>>) {
         spread_m2(both.map(|([_, b], a_m)| b.position_m - a_m))
     }
     let range_s = [-MAX_LAG_S, MAX_LAG_S];
-    let lag_s = minimize(range_s, |s| cost(&a, pairs, s));
-    // At rest, every shift has the same cost. A shift at an end of the range is not a minimum.
-    let is_best = lag_s.abs() < MAX_LAG_S - 1e-3 && cost(&a, pairs, lag_s) < cost(&a, pairs, 0.0);
-    let lag_s = if is_best { lag_s } else { 0.0 };
+    let best_s = minimize(range_s, |s| cost(&a, pairs, s));
+    // At rest, every shift has the same cost. A shift within 1 ms of an end of the range is no
+    // minimum.
+    let is_best = best_s.abs() < MAX_LAG_S - 1e-3 && cost(&a, pairs, best_s) < cost(&a, pairs, 0.0);
+    let lag_s = if is_best { best_s } else { 0.0 };
     let moved = pairs.iter().zip(shifted(&a, pairs, lag_s));
     (lag_s, moved.map(|([a, _], a_m)| a_m - a.position_m).collect())
 }

@@ -26,7 +26,7 @@ pub struct FrameAlignment {
     pub turn_rad: f64,
     /// Translation after the rotation.
     pub shift_m: Vector3<f64>,
-    /// Root mean square distance after the transform.
+    /// Root mean square distance between the flights after the transform.
     pub left_m: f64,
 }
 
@@ -56,8 +56,8 @@ impl FrameAlignment {
 
 /// Returns the seconds to add to B's clock, and the transform of B's frame if it differs from A's.
 /// The frames are assumed to differ if a flight lacks setpoints and a rotation and a translation
-/// reduce the distance from decimeters to centimeters. `clock` returns the seconds for a
-/// transformed copy of B.
+/// reduce the distance from decimeters to centimeters. Returns an error if they reduce it
+/// considerably, but not to centimeters. `clock` returns the seconds for a transformed copy of B.
 pub(super) fn place(
     a: &Flight,
     b: &Flight,
@@ -73,7 +73,8 @@ pub(super) fn place(
         return Ok((offset_s, None));
     };
     let mut best_s = offset_s;
-    // The clock cannot be aligned well in another frame, and is aligned again per rotation.
+    // The clock cannot be aligned well in another frame, and is aligned again per rotation. The
+    // search ends early if the frames clearly agree.
     for step in 1..TURNS {
         if best.left_m <= 0.5 * MAX_RESIDUAL_M {
             break;
@@ -81,18 +82,18 @@ pub(super) fn place(
         let turn_rad = std::f64::consts::TAU * f64::from(step) / f64::from(TURNS);
         let turn = FrameAlignment { turn_rad, shift_m: Vector3::zeros(), left_m: 0.0 };
         let turned = turn.placed(b);
-        let offset_s = clock(&turned)?;
-        let further = fit_at([a, &turned], options, offset_s)?;
-        if let Some((_, further)) = further.filter(|(_, f)| f.left_m < best.left_m) {
+        let turned_s = clock(&turned)?;
+        let fitted = fit_at([a, &turned], options, turned_s)?;
+        if let Some((_, further)) = fitted.filter(|(_, frame)| frame.left_m < best.left_m) {
             best = FrameAlignment { turn_rad: turn_rad + further.turn_rad, ..further };
-            best_s = offset_s;
+            best_s = turned_s;
         }
     }
     // The clock offset belongs to a coarse rotation, so it is computed once more.
     let again_s = clock(&best.placed(b))?;
-    let further = fit_at([a, b], options, again_s)?;
-    if let Some((_, further)) = further.filter(|(_, f)| f.left_m < best.left_m) {
-        (best, best_s) = (further, again_s);
+    let fitted = fit_at([a, b], options, again_s)?;
+    if let Some((_, whole)) = fitted.filter(|(_, frame)| frame.left_m < best.left_m) {
+        (best, best_s) = (whole, again_s);
     }
     best.turn_rad = libm::remainder(best.turn_rad, std::f64::consts::TAU);
     if best.left_m <= MAX_RESIDUAL_M {
@@ -110,8 +111,8 @@ pub(super) fn place(
     Ok((offset_s, None))
 }
 
-/// Returns [`fit`] for the pairs of two flights after adding `offset_s` to B's timestamps. Returns
-/// an error if a flight has no samples in the compared part, and `None` as [`fit`] does.
+/// Returns the result of [`fit`] for the pairs of two flights after adding `offset_s` to B's
+/// timestamps. Returns an error if a flight has no samples in the compared part.
 fn fit_at(
     [a, b]: [&Flight; 2],
     options: &ComparisonOptions,

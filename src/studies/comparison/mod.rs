@@ -107,14 +107,14 @@ pub struct Comparison {
 pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Comparison> {
     within("max_gap_s", options.max_gap_s, 0.0, 60.0)?;
     // The clock is aligned before the frame, which is aligned by pairs of samples at equal times.
-    let offset_s = options.alignment.offset_s(a, b)?;
+    let first_offset_s = options.alignment.offset_s(a, b)?;
     match options.alignment {
         Alignment::Design => check_words(a, b)?,
         Alignment::Offset(offset_s) => within("offset_s", offset_s, -1e6, 1e6)?,
         Alignment::Flown => {}
     }
     let clock = &|b: &Flight| options.alignment.offset_s(a, b);
-    let (offset_s, placement) = frame::place(a, b, options, offset_s, clock)?;
+    let (offset_s, placement) = frame::place(a, b, options, first_offset_s, clock)?;
     let [samples_a, mut samples_b] = [options.part.samples(a)?, options.part.samples(b)?];
     for sample in &mut samples_b {
         sample.time_s += offset_s;
@@ -122,11 +122,11 @@ pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Co
     }
     let pairs = pairs(&samples_a, &samples_b, options.max_gap_s);
     let (Some(first), Some(last)) = (pairs.first(), pairs.last()) else {
-        let [a, b] = [samples_a, samples_b]
+        let [span_a, span_b] = [samples_a, samples_b]
             .map(|s| format!("{:.2} … {:.2} s", s[0].time_s, s[s.len() - 1].time_s));
-        let (spans, wanted) = (format!("A at {a}, B at {b}"), "a time that both flights cover");
+        let spans = format!("A at {span_a}, B at {span_b}");
         let hint = "shift B's clock, or compare two flights of the same plan";
-        let error = Error::input("flights A and B", spans, wanted, hint);
+        let error = Error::input("flights A and B", spans, "a time that both flights cover", hint);
         return Err(error.coded("clocks-apart"));
     };
     // Differences of angles are wrapped to the range from -π to π.

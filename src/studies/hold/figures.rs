@@ -74,10 +74,10 @@ settings! {
 impl HoldVerdict {
     /// Classifies a mean ratio of squared error to variance, which is 1 for a consistent filter. A
     /// smaller ratio is conservative, a larger one overconfident.
-    fn from_error(squared_error: f64) -> Self {
-        match squared_error {
-            error if error < CONSISTENT[0] => Self::Conservative,
-            error if error > CONSISTENT[1] => Self::Overconfident,
+    fn from_ratio(mean_ratio: f64) -> Self {
+        match mean_ratio {
+            ratio if ratio < CONSISTENT[0] => Self::Conservative,
+            ratio if ratio > CONSISTENT[1] => Self::Overconfident,
             _ => Self::Consistent,
         }
     }
@@ -134,12 +134,12 @@ pub fn hold_figures(
 ) -> Result<HoldFigures> {
     within("runs", runs.into(), 1.0, MAX_RUNS)?;
     // Only the means of each flight are kept, so that ten thousand flights fit in memory.
-    let flights = (0..runs).into_par_iter().map(|run| {
+    let flown = (0..runs).into_par_iter().map(|run| {
         Ok(FlightMeans::new(&hold(model, options, scenario, DURATION_S, seed + u64::from(run))?))
     });
     // All results are collected first, so that the first of several errors is returned.
-    let flights: Vec<Result<FlightMeans>> = flights.collect();
-    let flights: Vec<FlightMeans> = flights.into_iter().collect::<Result<_>>()?;
+    let results: Vec<Result<FlightMeans>> = flown.collect();
+    let flights: Vec<FlightMeans> = results.into_iter().collect::<Result<_>>()?;
     let mean_of = |value: fn(&FlightMeans) -> f64| mean(flights.iter().map(value));
     let root_mean_square = |square: fn(&FlightMeans) -> f64| {
         bootstrap(&[flights.iter().map(square).collect()], |squares| mean(&*squares).sqrt())
@@ -147,7 +147,7 @@ pub fn hold_figures(
     let states = STATE_NAMES.iter().enumerate().map(|(index, state)| {
         let squares = flights.iter().map(|run| run.states[index]).collect();
         let error = bootstrap(&[squares], |squares| mean(&*squares));
-        Consistency { state, error, verdict: HoldVerdict::from_error(error.value) }
+        Consistency { state, error, verdict: HoldVerdict::from_ratio(error.value) }
     });
     let mut figures = HoldFigures {
         scenario: scenario.name(),
@@ -187,13 +187,12 @@ struct FlightMeans {
 }
 
 impl FlightMeans {
-    /// Computes the means of a flight, beginning at [`FROM_S`]. Consistency is evaluated away from
-    /// the scenario's events.
+    /// Computes the means of a flight from [`FROM_S`] on. The ratios of squared error to variance
+    /// and the innovations are taken at least [`EVENT_S`] away from each event.
     fn new(flight: &Hold) -> Self {
         let events_s = flight.events_s();
         let samples: Vec<_> = flight.samples.iter().filter(|s| s.time_s >= FROM_S).collect();
-        // Consistency is evaluated away from events, which the filter's model deliberately
-        // excludes.
+        // The filter's model deliberately excludes events.
         let mut quiet = samples.clone();
         quiet.retain(|s| !events_s.iter().any(|event_s| (s.time_s - event_s).abs() <= EVENT_S));
         let errors_m: Vec<f64> = samples.iter().map(|s| s.estimate[0] - s.truth[0]).collect();
@@ -207,6 +206,7 @@ impl FlightMeans {
         Self {
             estimate_m2: mean(errors_m.iter().map(|error_m| error_m * error_m)),
             hold_m2: mean(samples.iter().map(|s| square(s.truth[0] - flight.set_m))),
+            // A normally distributed error is within 1.96 standard deviations for 95 % of the time.
             inside: mean(
                 samples.iter().zip(&errors_m).map(|(s, e)| f64::from(e.abs() < 1.96 * s.sigma[0])),
             ),
@@ -233,12 +233,12 @@ impl HoldFigures {
         let Some(bounds) = self.bounds else { return Vec::new() };
         let Bounds { estimate_m, hold_m, inside: [low, high], hover_throttle, nis, steps } = bounds;
         let mut missed = Vec::new();
-        for (name, found_m, limit_m) in
+        for (name, error_m, limit_m) in
             [("estimate", self.estimate_m.value, estimate_m), ("hold", self.hold_m.value, hold_m)]
         {
-            if found_m > limit_m {
-                let [found_cm, limit_cm] = [found_m, limit_m].map(|m| 100.0 * m);
-                missed.push(format!("{name} error of {found_cm:.1} cm exceeds {limit_cm:.1} cm"));
+            if error_m > limit_m {
+                let [error_cm, limit_cm] = [error_m, limit_m].map(|m| 100.0 * m);
+                missed.push(format!("{name} error of {error_cm:.1} cm exceeds {limit_cm:.1} cm"));
             }
         }
         if !(low..=high).contains(&self.inside) {
@@ -249,16 +249,16 @@ impl HoldFigures {
             missed.push(format!("hover throttle error {throttle:.4} above {hover_throttle}"));
         }
         // Innovations have limits in both directions, states only against a σ that is too small.
-        let [low, high] = nis;
-        let beyond = self.nis.iter().flatten().filter(|nis| !(low..=high).contains(*nis));
-        missed.extend(beyond.map(|nis| format!("the NIS is {nis:.2}, not {low} to {high}")));
+        let [least, most] = nis;
+        let beyond = self.nis.iter().flatten().filter(|nis| !(least..=most).contains(*nis));
+        missed.extend(beyond.map(|nis| format!("the NIS is {nis:.2}, not {least} to {most}")));
         let overconfident = self.states.iter().filter(|s| s.verdict == HoldVerdict::Overconfident);
         missed.extend(overconfident.map(|Consistency { state, error, .. }| {
             format!("{state} is overconfident: squared error / variance {:.2}", error.value)
         }));
-        let [found, seen] = self.steps;
-        if (found - seen).abs() > steps {
-            missed.push(format!("{found:.2} of {seen:.2} steps were detected"));
+        let [detected, passed] = self.steps;
+        if (detected - passed).abs() > steps {
+            missed.push(format!("{detected:.2} of {passed:.2} steps were detected"));
         }
         missed
     }

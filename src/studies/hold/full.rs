@@ -50,8 +50,8 @@ fn truth(plant: &Plant, actual: &SimOptions, barometer_m: f64) -> [f64; 6] {
     let ranger_m = -actual.floor.distance_m(&position_m, &down) * down.z - position_m.z;
     let draft_m_s2 = vehicle.body_drag_n_s_m[2] / vehicle.mass_kg * actual.air.wind_m_s[2];
     let offset_m_s2 = draft_m_s2 - GRAVITY_M_S2;
-    let [z_m, v_m_s] = [position_m.z, body.velocity_m_s.z];
-    [z_m, v_m_s, offset_m_s2, plant.gain_m_s2(), ranger_m, barometer_m]
+    let velocity_m_s = body.velocity_m_s.z;
+    [position_m.z, velocity_m_s, offset_m_s2, plant.gain_m_s2(), ranger_m, barometer_m]
 }
 
 /// Returns a plan along x at [`SPEED_M_S`] and the altitude [`SET_M`], with one setpoint per second

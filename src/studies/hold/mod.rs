@@ -70,8 +70,8 @@ pub fn hold(
         let hint = "use the preset bzzz, or set the kind and sensors of the altitude filter";
         return Err(Error::input("observer.kind", kind.name(), "altitude", hint));
     }
-    // Both models fly the same scenario with the same actual drone.
     within("duration_s", duration_s, 1.0, MAX_DURATION_S)?;
+    // Both models fly the same scenario with the same actual drone.
     match model {
         HoldModel::Scalar => scalar::hold(options, scenario, duration_s, seed),
         HoldModel::Full => full::hold(options, scenario, duration_s, seed),
@@ -146,12 +146,13 @@ impl Hold {
         out.flush()
     }
 
-    /// Returns the times at which the floor below the sensor stepped, for at least two samples.
+    /// Returns the times at which the floor below the ranger steps by more than 0.1 m, for at least
+    /// two samples.
     pub fn events_s(&self) -> Vec<f64> {
         // State 4 is the ranger's bias, the negative of the floor's height.
-        let (mut events_s, mut last_m) = (Vec::new(), None);
+        let (mut events_s, mut level_m) = (Vec::new(), None);
         for pair in self.samples.windows(2) {
-            let last_m = last_m.get_or_insert(pair[0].truth[4]);
+            let last_m = level_m.get_or_insert(pair[0].truth[4]);
             if pair.iter().all(|sample| (sample.truth[4] - *last_m).abs() > EVENT_M) {
                 events_s.push(pair[0].time_s);
                 *last_m = pair[0].truth[4];
@@ -204,6 +205,18 @@ mod tests {
         for model in [HoldModel::Scalar, HoldModel::Full] {
             let (with_m, without_m) = (rms_m(model, &sighted, 1), rms_m(model, &blind, 1));
             assert!(without_m > 2.0 * with_m, "{model:?}: {without_m} m against {with_m} m");
+        }
+    }
+
+    #[test]
+    fn an_empty_battery_keeps_the_rest_of_its_lift_in_both_models() {
+        let options = Scene::preset(Preset::Bzzz).sim();
+        for model in [HoldModel::Scalar, HoldModel::Full] {
+            let flight = hold(model, &options, HoldScenario::Drain, 300.0, 1).unwrap();
+            let [from, to] = [61.0, 299.0]
+                .map(|time_s| flight.samples.iter().find(|s| s.time_s >= time_s).unwrap().truth);
+            assert!((to[3] / from[3] - 1.0).abs() < 0.05, "{model:?}: {from:?}, {to:?}");
+            assert!((to[0] - SET_M).abs() < 0.2, "{model:?}: {} m", to[0]);
         }
     }
 

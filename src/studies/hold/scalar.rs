@@ -79,8 +79,10 @@ struct Truth<'a> {
     velocity_m_s: f64,
     throttle: f64,
     gust_m_s2: f64,
-    offset: f64,
-    full_gain: f64,
+    /// True α⁰.
+    offset_m_s2: f64,
+    /// True α¹ of the full battery.
+    full_gain_m_s2: f64,
     barometer_m: f64,
     gusts: Noise,
     pressure: Noise,
@@ -100,8 +102,8 @@ impl<'a> Truth<'a> {
             velocity_m_s: 0.0,
             throttle: hover,
             gust_m_s2: 0.0,
-            full_gain: GRAVITY_M_S2 / hover * (1.0 + GAIN_SPREAD * drawn.normal()),
-            offset: -GRAVITY_M_S2 + OFFSET_SPREAD_M_S2 * drawn.normal(),
+            full_gain_m_s2: GRAVITY_M_S2 / hover * (1.0 + GAIN_SPREAD * drawn.normal()),
+            offset_m_s2: -GRAVITY_M_S2 + OFFSET_SPREAD_M_S2 * drawn.normal(),
             barometer_m: BAROMETER_BIAS_M * drawn.normal(),
             gusts: Noise::new(seed, 0, "hold gusts"),
             pressure: Noise::new(seed, 0, "hold pressure"),
@@ -110,7 +112,7 @@ impl<'a> Truth<'a> {
 
     /// Returns α¹ at `time_s`, which falls as the battery discharges.
     fn gain(&self, time_s: f64) -> f64 {
-        self.full_gain * self.scenario.lift_frac(time_s)
+        self.full_gain_m_s2 * self.scenario.lift_frac(time_s)
     }
 
     /// Returns the true values of the altitude filter's states, in the order and the units of
@@ -119,7 +121,7 @@ impl<'a> Truth<'a> {
         let drift_m_s = self.options.sensors.barometer.drift_m_s + self.scenario.drift_m_s();
         let barometer_m = self.barometer_m + drift_m_s * time_s;
         let (gain, floor_m) = (self.gain(time_s), self.scenario.floor_m(time_s));
-        [self.altitude_m, self.velocity_m_s, self.offset, gain, -floor_m, barometer_m]
+        [self.altitude_m, self.velocity_m_s, self.offset_m_s2, gain, -floor_m, barometer_m]
     }
 
     /// Returns a sensor's reading in m, relative to the sensor's own reference. `error` is its
@@ -138,6 +140,7 @@ impl<'a> Truth<'a> {
     /// `throttle` is the commanded fraction of full thrust.
     fn step(&mut self, throttle: f64, time_s: f64) {
         let (dt, vehicle) = (1.0 / f64::from(TRUTH_HZ), &self.options.vehicle);
+        // Without a motor lag, the quotient is infinite, and the throttle is that of the command.
         let lag_s = 0.5 * (vehicle.motor_rise_s + vehicle.motor_fall_s);
         self.throttle += (throttle - self.throttle) * (dt / lag_s).min(1.0);
         // The gusts are an Ornstein–Uhlenbeck process, and the barometer's bias is a random walk.
@@ -146,7 +149,7 @@ impl<'a> Truth<'a> {
             + sigma * (2.0 * dt / correlation_s).sqrt() * self.gusts.normal();
         let walk_m_sqrt_s = self.options.sensors.barometer.drift_m_sqrt_s;
         self.barometer_m += walk_m_sqrt_s * dt.sqrt() * self.pressure.normal();
-        let a = self.gain(time_s) * self.throttle + self.offset + self.gust_m_s2;
+        let a = self.gain(time_s) * self.throttle + self.offset_m_s2 + self.gust_m_s2;
         self.altitude_m += self.velocity_m_s * dt + 0.5 * a * dt * dt;
         self.velocity_m_s += a * dt;
     }

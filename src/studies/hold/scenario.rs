@@ -69,9 +69,10 @@ impl HoldScenario {
         matches!(self, Self::Silent | Self::StepSilent)
     }
 
-    /// Returns the fraction of its full lift that the battery provides at `time_s`.
+    /// Returns the fraction of its full lift that the battery provides at `time_s`. After
+    /// [`DRAIN_S`] the fraction is constant, as with the empty battery of [`drain`].
     pub(super) fn lift_frac(self, time_s: f64) -> f64 {
-        if self == Self::Drain { 1.0 - DRAIN_FRAC * time_s / DRAIN_S } else { 1.0 }
+        if self == Self::Drain { 1.0 - DRAIN_FRAC * (time_s / DRAIN_S).min(1.0) } else { 1.0 }
     }
 
     /// Returns the barometer's drift, m/s.
@@ -100,7 +101,8 @@ impl HoldScenario {
         if self == Self::Drain {
             drain(&mut actual);
         }
-        // Gusts and the draft are modeled as wind with a drag that causes the same acceleration.
+        // Gusts and the draft are modeled as wind that causes the same acceleration through the
+        // drag. With little drag, the wind is limited to 50 m/s.
         let [sigma_m_s2, time_s] = GUST;
         let drag_n_s_m = actual.vehicle.body_drag_n_s_m[2];
         if actual.air.gusts == Gusts::None && drag_n_s_m > 0.0 {

@@ -38,13 +38,13 @@ fn view(points: impl IntoIterator<Item = [f64; 2]>, left_px: f64) -> Window {
     Window { corner_px: Point::new(left_px, MARGIN_PX), corner_m, px_per_m: VIEW_PX / span_m }
 }
 
-/// Returns the anchor that keeps a label at `x_px` within its view.
+/// Returns the alignment that keeps a label at `x_px` within its view.
 fn anchor(view: &Window, x_px: f64) -> Anchor {
     if x_px > view.corner_px.x + 0.5 * VIEW_PX { Anchor::End } else { Anchor::Start }
 }
 
 /// Returns an SVG of all drones' strokes colored by the bound, beside a top view of the anchors.
-/// The view marks `one_more_m`, the best position for an additional anchor.
+/// The top view marks `one_more_m`, the best position for an additional anchor.
 pub fn bound_map(
     plans: &[&Plan],
     bounds: &[Bound],
@@ -56,14 +56,14 @@ pub fn bound_map(
     let flown_m = plans.iter().flat_map(|plan| &plan.setpoints).map(|s| s.position_m);
     let anchors_m = uwb.anchors_m.iter().chain([&one_more_m]).map(|[x, y, _]| [*x, *y]);
     let front = view(flown_m.clone().map(|p| [p.x, p.z]), MARGIN_PX);
-    let above = flown_m.map(|p| [p.x, p.y]).chain(anchors_m);
-    let above = view(above, 2.0 * MARGIN_PX + VIEW_PX);
+    let from_above_m = flown_m.map(|p| [p.x, p.y]).chain(anchors_m);
+    let above = view(from_above_m, 2.0 * MARGIN_PX + VIEW_PX);
     let width_px = 3.0 * MARGIN_PX + 2.0 * VIEW_PX + LEGEND_PX;
     let mut canvas = Canvas::white([width_px, 2.0 * MARGIN_PX + VIEW_PX]);
-    let title = "best possible estimate along the strokes, seen from the front";
-    label(&mut canvas, Point::new(MARGIN_PX, 30.0), title);
-    let title = "anchors and flight, seen from above";
-    label(&mut canvas, Point::new(above.corner_px.x, 30.0), title);
+    let front_title = "best possible estimate along the strokes, seen from the front";
+    label(&mut canvas, Point::new(MARGIN_PX, 30.0), front_title);
+    let above_title = "anchors and flight, seen from above";
+    label(&mut canvas, Point::new(above.corner_px.x, 30.0), above_title);
     let lit_m = lit_m(bounds);
     for (plan, bound) in plans.iter().zip(bounds) {
         draw_strokes(&mut canvas, &front, plan, bound, &lit_m);

@@ -14,7 +14,7 @@ const AXIS_PX: f64 = 540.0;
 const MARGINS_PX: [f64; 4] = [60.0, 56.0, 52.0, 190.0];
 /// Minimum width of the drawing, which the title requires.
 const TITLE_PX: f64 = 580.0;
-/// Cap height, and that of the title.
+/// Cap height of labels, and that of the title.
 const CAP_PX: f64 = 9.0;
 const TITLE_CAP_PX: f64 = 11.0;
 /// Distance of the title's baseline from the upper edge.
@@ -74,9 +74,8 @@ struct Map<'a> {
 }
 
 impl<'a> Map<'a> {
-    /// Creates the map below the title and to the right of the axis. The colors represent the
-    /// errors from the least to the 95 % quantile, so that a few large errors do not darken the
-    /// rest.
+    /// Creates the map below the title and to the right of the axis. Without errors, the colors
+    /// range from 0 to 1 m.
     fn new(grid: &'a Coverage) -> Self {
         let sorted_m = grid.errors_m();
         let color_ends_m = sorted_m.first().zip(sorted_m.get(sorted_m.len() * 95 / 100));
@@ -177,10 +176,11 @@ fn edges_m(places_m: &[f64], first: usize, last: usize) -> [f64; 2] {
 /// Returns the sRGB color of the viridis map at a fraction, from dark (0) to light (1). A fraction
 /// out of range is limited to it.
 pub(super) fn viridis(fraction: f64) -> Rgb {
-    let place = fraction.clamp(0.0, 1.0) * 4.0;
+    // Colors between two of the five are interpolated linearly.
+    let position = fraction.clamp(0.0, 1.0) * 4.0;
     #[expect(clippy::cast_possible_truncation, reason = "0 to 3")]
-    let i = (place as usize).min(3);
-    let part = place - i as f64;
+    let i = (position as usize).min(3);
+    let part = position - i as f64;
     #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
     [0, 1, 2].map(|c| (VIRIDIS[i][c] + part * (VIRIDIS[i + 1][c] - VIRIDIS[i][c])).round() as u8)
 }

@@ -24,7 +24,8 @@ pub fn evening_page(title: &str, evening: &Evening, printed: &str, conditions: &
          of mass for which the motors compensate. Gusts are the gusts that would rotate the drone \
          as observed. A dash stands for a figure that the log does not show.",
     );
-    // Each figure has a panel, with one curve per drone over its valid flights.
+    // Each figure has a panel, with one curve per drone over its valid flights. The number is the
+    // minimum range of the panel's axis.
     let most_logs = drones.iter().map(|(_, logs)| logs.len()).max().unwrap_or(1);
     let panels: [(&str, f64, Select); 4] = [
         ("thrust (%)", 4.0, |f| Some(100.0 * f.thrust_frac)),
@@ -33,10 +34,10 @@ pub fn evening_page(title: &str, evening: &Evening, printed: &str, conditions: &
         ("rotor lag (ms)", 20.0, |f| f.lag_s.map(|lag_s| 1e3 * lag_s)),
     ];
     if sound > 0 {
-        let panels = panels.map(|(y_name, least, figure)| {
+        let panels = panels.map(|(y_name, least, select)| {
             let logs = drones.iter().map(|(_, logs)| *logs);
             let curves: Vec<Curve> =
-                logs.zip(COLORS).map(|(logs, color)| curve(logs, figure, color)).collect();
+                logs.zip(COLORS).map(|(logs, color)| curve(logs, select, color)).collect();
             let values = curves.iter().flat_map(Curve::points).map(|(_, value)| value);
             let axes = [0.5..most_logs as f64 + 0.5, around(values, least)];
             Panel { counts: true, ..Panel::new(axes, HEIGHT_PX, y_name, curves) }
@@ -56,11 +57,11 @@ pub fn evening_page(title: &str, evening: &Evening, printed: &str, conditions: &
     page.section("Conditions").printed(conditions)
 }
 
-/// Returns the curve of a figure over a drone's valid flights in sequence.
-fn curve(logs: &[EveningLog], figure: Select, color: Rgb) -> Curve {
+/// Returns the curve of the selected figure over a drone's valid flights, numbered from 1.
+fn curve(logs: &[EveningLog], select: Select, color: Rgb) -> Curve {
     let sound = logs.iter().filter(|log| log.flaws.is_empty()).enumerate();
     let points = sound.filter_map(|(index, log)| {
-        Some((index as f64 + 1.0, log.figures.as_ref().and_then(figure)?))
+        Some((index as f64 + 1.0, log.figures.as_ref().and_then(select)?))
     });
     let points: Vec<(f64, f64)> = points.collect();
     // Each flight is drawn as a short bar, so that a single flight is visible.

@@ -113,14 +113,14 @@ pub(super) struct Figure {
 impl Figure {
     /// Returns the figure as an SVG document with a width of [`WIDTH_PX`].
     pub(super) fn svg(&self) -> String {
-        let (places, n_rows) = self.legend_places();
+        let (entries, n_rows) = self.legend_entries();
         let mut top_px = HEAD_PX + LEGEND_ROW_PX * f64::from(n_rows.saturating_sub(2));
         let panels_px: f64 = self.panels.iter().map(|panel| panel.height_px + BELOW_PX[0]).sum();
         let mut canvas = Canvas::white([WIDTH_PX, top_px + panels_px + BELOW_PX[1] + EDGE_PX]);
         self.draw_title(&mut canvas);
         // A single row is centered in the space for two rows.
         let first_px = if n_rows > 1 { 44.0 } else { 50.0 };
-        for ((name, pen), (left_px, row)) in self.legend.iter().zip(places) {
+        for ((name, pen), (left_px, row)) in self.legend.iter().zip(entries) {
             let left = Point::new(left_px, first_px + f64::from(row) * LEGEND_ROW_PX);
             let right = left + Vec2::new(LEGEND_LINE_PX, 0.0);
             canvas.line([left, right], *pen);
@@ -149,18 +149,19 @@ impl Figure {
 
     /// Returns the left end in pixels and the row of each legend entry, counted from 0, and the
     /// total number of rows.
-    fn legend_places(&self) -> (Vec<(f64, u32)>, u32) {
+    fn legend_entries(&self) -> (Vec<(f64, u32)>, u32) {
         let (mut left_px, mut row) = (SIDES_PX[0], 0);
-        let mut places = Vec::new();
+        let mut entries = Vec::new();
         for (name, _) in &self.legend {
+            // An entry consists of a line, spaces, and characters that are assumed to be 8 px wide.
             let wide_px = LEGEND_LINE_PX + 32.0 + name.chars().count() as f64 * 8.0;
             if left_px + wide_px > SIDES_PX[0] + PANEL_WIDTH_PX + 24.0 && left_px > SIDES_PX[0] {
                 (left_px, row) = (SIDES_PX[0], row + 1);
             }
-            places.push((left_px, row));
+            entries.push((left_px, row));
             left_px += wide_px;
         }
-        (places, row + 1)
+        (entries, row + 1)
     }
 }
 
@@ -230,9 +231,9 @@ impl Panel {
         for mark in &self.marks {
             let point = self.px(mark.place);
             let wide_px = 0.6 * MARK_PX * mark.text.chars().count() as f64;
-            // Candidate positions are above and below the point: to its right, to its left, and
-            // centered.
-            let mut places = Vec::new();
+            // Candidates lie above and below the point, in six rows each: to the right of the
+            // point, to its left, and centered.
+            let mut candidates = Vec::new();
             for row in 1..=6 {
                 let row_px = f64::from(row) * 1.2 * MARK_PX - 0.45 * MARK_PX;
                 for side_px in [4.0, -4.0 - wide_px, -0.5 * wide_px] {
@@ -240,15 +241,16 @@ impl Panel {
                         let left = point + Vec2::new(side_px, down_px);
                         let half = Vec2::new(0.0, 0.55 * MARK_PX);
                         let right = left + Vec2::new(wide_px, 0.0);
-                        places.push(Rect::from_points(left - half, right + half));
+                        candidates.push(Rect::from_points(left - half, right + half));
                     }
                 }
             }
-            let free = places.iter().filter(|place| {
+            let free = candidates.iter().filter(|place| {
                 panel.contains_rect(**place) && !taken.iter().any(|other| place.overlaps(*other))
             });
             let is_clear = |place: &&Rect| !drawn.iter().any(|point| place.contains(*point));
-            let place = free.clone().find(is_clear).or(free.clone().next()).unwrap_or(&places[0]);
+            let place =
+                free.clone().find(is_clear).or(free.clone().next()).unwrap_or(&candidates[0]);
             taken.push(*place);
         }
         taken

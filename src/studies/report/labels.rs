@@ -1,6 +1,6 @@
 //! Labels objects on a photo: writes a name next to each, with a line to it.
 
-use kurbo::{Point, Vec2};
+use kurbo::Point;
 
 use super::canvas::{Pen, Pixels, Surface};
 use noctograph_picture::photo::Photo;
@@ -36,10 +36,10 @@ pub fn labeled(photo: &Photo, labels: &[Label]) -> Photo {
             x if x > right => (right + 0.5 * CAP_PX, 0.5),
             x => (x, if center.y > corner.y { -0.4 } else { 1.4 }),
         };
-        let Vec2 { x, y } = Point::new(from_x, corner.y - up * CAP_PX) - center;
-        let ring_part = RING_PX / libm::hypot(x, y);
+        let away = Point::new(from_x, corner.y - up * CAP_PX) - center;
+        // A line that would end within the ring is not drawn.
+        let ring_part = RING_PX / libm::hypot(away.x, away.y);
         if ring_part < 1.0 {
-            let away = Vec2::new(x, y);
             pixels.line([center + away, center + ring_part * away], PEN);
         }
         pixels.ring(center, RING_PX, PEN);

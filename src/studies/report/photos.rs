@@ -120,16 +120,16 @@ pub fn placed(
     let mut covered = Vec::with_capacity(width_px as usize * height_px as usize);
     for y in 0..height_px {
         for x in 0..width_px {
-            let [x, y] = back.apply([f64::from(x) + 0.5, f64::from(y) + 0.5]);
-            let (x, y) = (x * ratio[0], y * ratio[1]);
-            let inside = (0.0..w).contains(&x) && (0.0..h).contains(&y);
+            let [render_x, render_y] = back.apply([f64::from(x) + 0.5, f64::from(y) + 0.5]);
+            let (small_x, small_y) = (render_x * ratio[0], render_y * ratio[1]);
+            let inside = (0.0..w).contains(&small_x) && (0.0..h).contains(&small_y);
             covered.push(inside);
             if !inside {
                 rgb8.extend([0; 3]);
                 continue;
             }
             // Linear light is interpolated bilinearly.
-            let [(columns, u), (rows, v)] = [between(x, w), between(y, h)];
+            let [(columns, u), (rows, v)] = [between(small_x, w), between(small_y, h)];
             rgb8.extend([0, 1, 2].map(|c| {
                 let [above, below] = rows.map(|row| {
                     let [left, right] = columns.map(|column| {
@@ -148,17 +148,18 @@ pub fn placed(
 /// Returns the two pixels around a coordinate on a side of `n` pixels, and the second's weight from
 /// 0 to 1. The first pixel is centered at 0.5.
 fn between(coordinate: f64, n: f64) -> ([usize; 2], f32) {
-    let place = (coordinate - 0.5).clamp(0.0, n - 1.0);
-    let first = place.floor();
+    let position = (coordinate - 0.5).clamp(0.0, n - 1.0);
+    let first = position.floor();
     #[expect(clippy::cast_possible_truncation, reason = "clamped")]
     let pixels = [first, (first + 1.0).min(n - 1.0)].map(|pixel| pixel as usize);
     #[expect(clippy::cast_possible_truncation, reason = "a fraction")]
-    let weight = (place - first) as f32;
+    let weight = (position - first) as f32;
     (pixels, weight)
 }
 
-/// Overlays the luminance of two pictures of the same size. The render appears orange, the photo
-/// blue, and both together white. Panics if the sizes differ.
+/// Overlays the luminance of two pictures of the same size. Where only the render is bright, the
+/// overlay is orange. Where only the photo is bright, it is blue, and where both are, white. Panics
+/// if the sizes differ.
 pub fn overlay(render: &Photo, photo: &Photo) -> Photo {
     assert_eq!(render.rgb8.len(), photo.rgb8.len(), "pictures of one size");
     let linear = srgb::linear_from_level();

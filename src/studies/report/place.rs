@@ -57,6 +57,7 @@ fn things(shot: &Shot, placement: Option<&ShotPlan>) -> Vec<Thing> {
     let name = format!("camera ({x:.2}, {y:.2}), lens {z:.2} m high");
     things.push((name, CAMERA, vec![[x, y, z]]));
     // The audience stands in front of the room's wall, or behind the camera if the room is unknown.
+    // People are assumed to be 1.7 m tall.
     if let Some(placement) = placement {
         let [w, d, _] = placement.room_m;
         let audience =
@@ -97,9 +98,10 @@ fn rounded(place_m: [f64; 3]) -> [f64; 3] {
 /// Returns an SVG of the plan from one side. `from` names the side in the image's text. `axes` are
 /// the coordinates that point right and up (0 to 2 for x to z), and `names` are their labels.
 fn view(things: &[Thing], from: &str, axes: [usize; 2], names: [&str; 2]) -> String {
-    let places = things.iter().flat_map(|(.., places_m)| places_m);
-    let places = places.map(|place| axes.map(|axis| place[axis]));
-    let [left, bottom, right, top] = bounds(places.chain([[0.0; 2]]));
+    let positions_m = things.iter().flat_map(|(.., positions_m)| positions_m);
+    let seen_m = positions_m.map(|position_m| axes.map(|axis| position_m[axis]));
+    // The view includes the origin.
+    let [left, bottom, right, top] = bounds(seen_m.chain([[0.0; 2]]));
     // The `inset` method of kurbo enlarges the rectangle, here by half a meter on each side.
     let extent_m = Rect::new(left, bottom, right, top).inset(0.5);
     let px_per_m = SIDE_PX / extent_m.width().max(extent_m.height());
@@ -118,10 +120,9 @@ fn view(things: &[Thing], from: &str, axes: [usize; 2], names: [&str; 2]) -> Str
     let beside = frame.origin() - Vec2::new(6.0, 8.0);
     canvas.text(format!("{} (m)", names[1]), beside, Anchor::End, CAP_PX, BLACK);
     // Objects are drawn over the grid, each with a line in the legend.
-    for (index, (name, color, places_m)) in things.iter().enumerate() {
-        let [right, up] = axes;
-        let places_m = places_m.iter().map(|place| Point::new(place[right], place[up]));
-        match &*places_m.map(|place_m| window.px(place_m)).collect::<Vec<_>>() {
+    for (index, (name, color, positions_m)) in things.iter().enumerate() {
+        let seen_m = positions_m.iter().map(|position_m| axes.map(|axis| position_m[axis]));
+        match &*seen_m.map(|[right, up]| window.px(Point::new(right, up))).collect::<Vec<_>>() {
             [a, b] => canvas.frame(Rect::from_points(*a, *b), Pen::new(*color, 3.0)),
             dots => dots.iter().for_each(|dot| canvas.dot(*dot, 6.0, *color)),
         }

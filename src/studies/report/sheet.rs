@@ -58,7 +58,8 @@ pub fn study_sheet(
     Ok(contact_sheet(&rows.collect::<Result<Vec<Row>>>()?))
 }
 
-/// Returns a sheet with a row per contender: the first word at each rung of a [`Study::ladder`].
+/// Returns a sheet with a row per contender: the first word at each rung of a [`Study::ladder`],
+/// with the mean probability of its letters.
 pub fn acuity_sheet(
     ladder: &[Study],
     prepared: &[Vec<Prepared>],
@@ -67,9 +68,9 @@ pub fn acuity_sheet(
 ) -> Result<Photo> {
     let rows = acuity.limits.iter().map(|limit| {
         let Estimate { value, low, high } = limit.cap_height_m;
-        let [value, low, high] = [value, low, high].map(|height_m| 1e3 * height_m);
-        let title =
-            format!("{}: reads down to {value:.1} mm ({low:.1} to {high:.1})", limit.contender);
+        let [value_mm, low_mm, high_mm] = [value, low, high].map(|height_m| 1e3 * height_m);
+        let range = format!("{value_mm:.1} mm ({low_mm:.1} to {high_mm:.1})");
+        let title = format!("{}: reads down to {range}", limit.contender);
         let mut photos = Vec::new();
         // The photo shows the contender's first flight at each rung. A lost drone has no photo.
         let rungs = ladder.iter().zip(prepared).zip(limit.rungs.iter().zip(records));
@@ -80,8 +81,8 @@ pub fn acuity_sheet(
             if outcome.flown.is_some() {
                 let scene = &prepared[trial.contender * study.words.len() + trial.word];
                 let photo = scene.photo(trial.seed, SMALL_CAP_HEIGHT_PX)?;
-                let (height_mm, share) = (1e3 * rung.cap_height_m, outcome.similarity);
-                photos.push((photo, format!("{height_mm:.0} mm: {share:.2}")));
+                let (height_mm, read) = (1e3 * rung.cap_height_m, outcome.similarity);
+                photos.push((photo, format!("{height_mm:.0} mm: {read:.2}")));
             }
         }
         Ok((title, photos))
@@ -92,10 +93,9 @@ pub fn acuity_sheet(
 /// Returns a sheet of photos with captions, four in a row, below a title.
 pub fn spread_sheet(title: &str, photos: &[(Photo, String)]) -> Photo {
     let titles = std::iter::once(title).chain(std::iter::repeat(""));
-    let rows = titles.zip(photos.chunks(ROW_PHOTOS));
-    contact_sheet(
-        &rows.map(|(title, photos)| (title.to_owned(), photos.to_vec())).collect::<Vec<_>>(),
-    )
+    let titled = titles.zip(photos.chunks(ROW_PHOTOS));
+    let rows = titled.map(|(title, photos)| (title.to_owned(), photos.to_vec()));
+    contact_sheet(&rows.collect::<Vec<Row>>())
 }
 
 /// Returns an image of rows of photos, with a title above each row and a caption below each photo.

@@ -155,8 +155,8 @@ fn flight_section(mut page: Page, shot: &Shot, notes: &ShotNotes<'_>) -> Page {
     page.section("Flight").paths(&paths(shot)).drawings(&drawings)
 }
 
-/// Returns all drones' paths, each a list of points in integer millimeters of the world frame. The
-/// boolean is true if a writing lamp of the drone is lit at the point.
+/// Returns all drones' paths, each a list of points in integer millimeters of the world frame, with
+/// true if a writing lamp of the drone is lit at the point. Long paths are thinned.
 fn paths(shot: &Shot) -> Vec<Vec<([i32; 3], bool)>> {
     let n_samples: usize = shot.flights.iter().map(|flight| flight.samples.len()).sum();
     // Samples are skipped to keep the page small.
@@ -193,14 +193,16 @@ fn camera(shot: &Shot) -> Vec<[String; 2]> {
         "infinity, by hand".to_owned()
     };
     let [focal_mm, sensor_mm] = [camera.focal_length_m, camera.sensor_width_m].map(|m| 1e3 * m);
-    let (opens_s, open_s) = (camera.shutter_open_s, camera.shutter_close_s - camera.shutter_open_s);
+    let opens_s = camera.shutter_open_s;
+    let exposure_s = camera.shutter_close_s - opens_s;
+    // A camera with a limited exposure combines several exposures.
     let adds_up = shot.metered.is_some_and(|metered| metered.longest_s.is_some());
     let mode = if adds_up { "night or light-trail mode" } else { "bulb" };
     let rows = [
         ("lens", format!("{focal_mm:.0} mm on a sensor {sensor_mm:.1} mm wide")),
         ("aperture", format!("f/{}", camera.f_number)),
         ("sensitivity", format!("ISO {}", camera.iso)),
-        ("shutter", format!("{mode}, {open_s:.0} s, from {opens_s:.1} s into the flight")),
+        ("shutter", format!("{mode}, {exposure_s:.0} s, from {opens_s:.1} s into the flight")),
         ("focus", focus),
         ("picture", format!("{} x {}", camera.width_px, camera.height_px)),
     ];

@@ -41,23 +41,24 @@ fn lit(flight: &Flight, place: impl Fn(&FlightSample) -> (f64, f64)) -> Vec<Vec<
     parts.map(|part| part.iter().map(|(_, place)| *place).collect()).collect()
 }
 
-/// Returns an SVG of both bands of a drone over time, relative to the design, while it writes. Each
-/// axis has a panel. Panics if a band is empty.
-pub fn spread_over_time(all: &Band, within: &Band) -> String {
-    let first = all.writes.iter().position(|writes| *writes).unwrap_or(0);
-    let last = all.writes.iter().rposition(|writes| *writes).unwrap_or(all.writes.len() - 1);
-    let time_s = all.time_s[first]..all.time_s[last].max(all.time_s[first] + 0.1);
+/// Returns an SVG of both bands of a drone over time, relative to the design, from its first letter
+/// to its last. `varied` is the band of different drones in different rooms, and `within` that of
+/// one drone in one room. Each axis has a panel. Panics if a band is empty.
+pub fn spread_over_time(varied: &Band, within: &Band) -> String {
+    let first = varied.writes.iter().position(|writes| *writes).unwrap_or(0);
+    let last = varied.writes.iter().rposition(|writes| *writes).unwrap_or(varied.writes.len() - 1);
+    let time_s = varied.time_s[first]..varied.time_s[last].max(varied.time_s[first] + 0.1);
     let legend = vec![
         ("each with a different room and drone".to_owned(), ALL),
         ("one drone in one room".to_owned(), WITHIN),
     ];
-    let title = if all.holds_frac() < BAND_FRAC {
-        format!("Band of all {} flights, relative to the design", all.n_flights)
+    let title = if varied.holds_frac() < BAND_FRAC {
+        format!("Band of all {} flights, relative to the design", varied.n_flights)
     } else {
         format!("Band of {:.0} % of the flights, relative to the design", 100.0 * BAND_FRAC)
     };
     let panels = error_panels(&time_s, 0.02, |axis| {
-        let bands = [(all, ALL), (within, WITHIN)].map(|(band, pen)| {
+        let bands = [(varied, ALL), (within, WITHIN)].map(|(band, pen)| {
             let last = last.min(band.time_s.len() - 1);
             // The outline runs forward along the lower end, and back along the upper end.
             let (low, high) = ((first..=last).map(|i| (i, 0)), (first..=last).map(|i| (i, 2)));

@@ -42,18 +42,18 @@ pub fn read_anchors(path: &Path) -> Result<Vec<[f64; 3]>> {
 /// keys, which must be 0, 1, 2 and so on. `file` is the file's name in messages.
 fn parse(yaml: &str, file: &str) -> Result<Vec<[f64; 3]>> {
     let anchors: BTreeMap<u8, Spanned<Anchor>> = from_yaml(yaml, file, HINT)?;
-    let mut places_m: Vec<[f64; 3]> = Vec::new();
+    let mut positions_m: Vec<[f64; 3]> = Vec::new();
     for (index, (key, Spanned { value, referenced, .. })) in anchors.into_iter().enumerate() {
         let place = format!("{file}:{}: anchor {key}", referenced.line());
         if usize::from(key) != index {
             return Err(input_error!(place, "key {key}", "key {index}", "{HINT}"));
         }
-        let place_m = [value.x, value.y, value.z];
-        for (name, coordinate_m) in ["x", "y", "z"].into_iter().zip(place_m) {
+        let position_m = [value.x, value.y, value.z];
+        for (name, coordinate_m) in ["x", "y", "z"].into_iter().zip(position_m) {
             let range_m = [-MAX_COORDINATE_M, MAX_COORDINATE_M];
             within(&format!("{place}, {name}"), coordinate_m, range_m[0], range_m[1])?;
         }
-        if let Some(first) = places_m.iter().position(|other_m| *other_m == place_m) {
+        if let Some(first) = positions_m.iter().position(|other_m| *other_m == position_m) {
             return Err(input_error!(
                 place,
                 "the position of anchor {first}",
@@ -61,9 +61,9 @@ fn parse(yaml: &str, file: &str) -> Result<Vec<[f64; 3]>> {
                 "{HINT}"
             ));
         }
-        places_m.push(place_m);
+        positions_m.push(position_m);
     }
-    Ok(places_m)
+    Ok(positions_m)
 }
 
 #[cfg(test)]
