@@ -15,7 +15,7 @@ from PIL import Image
 
 HERE = pathlib.Path(__file__).resolve().parent
 PAGES = HERE.parent.parent / "docs/notebooks"
-#: Largest picture, bytes and pixels.
+#: Maximum size of a picture, in bytes and in pixels.
 MOST, WIDTH = 200_000, 1000
 
 
@@ -40,7 +40,7 @@ def picture(data, name):
 
 
 def shown(outputs, name):
-    """What a page shows of a cell's outputs; `name` is that of its pictures."""
+    """Returns the text of a cell's outputs in a page. `name` is the name of its pictures."""
     printed, pictures = "", []
     for output in outputs:
         data = output.get("data", {})

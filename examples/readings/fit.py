@@ -32,7 +32,7 @@ WEIGHT_OF_WRONG = 0.15
 
 SPELLING = table(os.path.join(os.path.dirname(__file__), "../../src/score/spelling.bin"))
 
-# What is next to a digit, and a single character: as in src/score/spelling.rs.
+# Log-probabilities of a character beside a digit, and of a single character, as in src/score/spelling.rs.
 WITH_DIGIT, AVERAGE = -3.58, -2.2
 
 KINDS = ["ABCDEFGHIJKLMNOPQRSTUVWXYZ", "abcdefghijklmnopqrstuvwxyz", "0123456789"]

@@ -1,4 +1,4 @@
-"""Controllers of other projects in Noctograph, unchanged: `nc.fly(scene, controller=RotorPy(scene))`.
+"""Flies unchanged controllers of other projects in Noctograph: `nc.fly(scene, controller=RotorPy(scene))`.
 
 As classes they are what `nc.fly_many`, `nc.rank` and a graded submission take, too. Each imports its package when it
 is made. Run with rotorpy 3.0.0, crazyflow 0.4.0, gym-pybullet-drones 2.1.0, udaan 1.3.0 and foundation-policy 1.0.2.
@@ -88,7 +88,7 @@ class Pybullet:
 
 
 class Udaan:
-    """`PositionPDController` and `GeometricAttitudeController`, their gains per mass and per inertia."""
+    """`PositionPDController` and `GeometricAttitudeController`, whose gains are scaled by mass and inertia."""
 
     def __init__(self, scene):
         from udaan.control.quadrotor import GeometricAttitudeController, PositionPDController
@@ -114,7 +114,7 @@ class Udaan:
 
 
 class Raptor:
-    """`foundation_policy.Raptor` at 100 Hz: a trained policy that finds out in flight which drone it flies."""
+    """`foundation_policy.Raptor` at 100 Hz, a trained policy that identifies its drone in flight."""
 
     def __init__(self, scene):
         from foundation_policy import Raptor as Policy
