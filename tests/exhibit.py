@@ -485,7 +485,7 @@ def the_scrubber_exposes_the_photograph_along_the_stroke(hall):
         for (let i = 0; i < now.length; i += 4) {
             const [a, b] = [now[i] > 180 && now[i + 3] > 180, whole[i] > 180];
             counts.now += a; counts.whole += b; counts.extra += a && !b;
-            // Where the lamp will come, against the wall twenty pixels beside it.
+            // The future place of the lamp is compared with the wall twenty pixels beside it.
             const j = i + 80;
             if (b && now[i] < 60 && whole[j] < 60 && now[j] < 60) { n += 1; ghost += now[i]; wall += now[j]; }
         }
@@ -1332,7 +1332,7 @@ def axe(page):
 def every_state_is_accessible_and_its_targets_are_large(hall):
     """Checks that axe-core finds nothing, no touch target is smaller than 44 px, and nothing overflows."""
     small = """() => [...document.querySelectorAll('button, a[href], select, input:not([type=hidden]), .lights label')].filter(e => {
-        // What is touched in a photograph is as large as its letter; a hidden input is touched by its label.
+        // The target of a touch in a photograph is as large as its letter. A hidden input is touched by its label.
         if (e.closest('#marks') || e.matches('.sr, .lights input')) return false;
         const box = e.getBoundingClientRect();
         return box.width > 0 && (box.width < 43.9 || box.height < 43.9 || box.left < -1 || box.right > innerWidth + 1) && e.checkVisibility();

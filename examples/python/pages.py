@@ -1,4 +1,4 @@
-"""Makes pages of the notebooks, as they print and draw: docs/notebooks.
+"""Runs the notebooks and writes a page with the output of each to docs/notebooks.
 
 usage: python examples/python/pages.py [NOTEBOOK...]    needs noctograph, nbclient, ipykernel, matplotlib, scipy, pillow
 """

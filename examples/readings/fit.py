@@ -25,8 +25,8 @@ from spelling import LETTERS, plain, table
 
 READERS = ["a", "b"]
 
-# Of words with one wrong letter, or one too many or too few, in the fit: they are twice as many as the right ones, and
-# visitors see few of them.
+# Weight in the fit of a word with one wrong, extra or missing letter. The data contain twice as many such words as
+# correct ones, whereas visitors see few of them.
 WEIGHT_OF_WRONG = 0.15
 
 

@@ -68,11 +68,11 @@ def as_bytes(weight):
 
 
 def integers(net):
-    """The net in integers: weights of 8 bits per output channel, biases and multipliers of 32, as bytes.
+    """Returns the net in integers, as bytes: weights of 8 bits per output channel, biases and multipliers of 32 bits.
 
-    Activations are bytes, 255 is TOP (the input: 1). A layer's output is
-    clamp(input + ((sum(weight * byte) + bias) * multiplier >> 24)), the input if it is added; of the last, logits in
-    1/256.
+    Activations are bytes, of which 255 stands for TOP, or for 1 in the input. A layer's output is
+    clamp(input + ((sum(weight * byte) + bias) * multiplier >> 24)), with the input only if the layer adds it. The last
+    layer's output is logits in units of 1/256.
     """
     out = b""
     for n, (layer, conv) in enumerate(zip(LAYERS, net.convs)):

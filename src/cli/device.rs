@@ -154,6 +154,7 @@ fn cache_file() -> Option<PathBuf> {
         lists.sort();
         drivers.extend(lists);
     }
+    // 64 bits of the digest are enough to distinguish states of the drivers.
     let key = &sha256(drivers.as_bytes())[..16];
     Some(folder.join("noctograph").join(format!("driver-{key}")))
 }

@@ -48,13 +48,13 @@ pub(super) fn prepared(promised: &Shoot, log: &Path) -> Result<Shoot> {
 /// Compares the photo of a flight with the previewed photo, letter by letter. Returns the report
 /// and the notes for the page.
 pub(super) fn compare(promised: &Shot, flown: Shot) -> (Report, FlownNotes) {
-    let [of_promised, of_flown] = [promised, &flown].map(|shot| letters(shot, promised));
+    let [promised_letters, flown_letters] = [promised, &flown].map(|shot| letters(shot, promised));
     let expected = promised.verdict.iter().flat_map(|verdict| &verdict.letters);
     // Each letter has a row in the table and an object in the JSON.
     let (mut rows, mut pairs) = (Vec::new(), Vec::new());
-    for ((letter, promised), flown) in expected.zip(of_promised).zip(of_flown) {
-        rows.push(row(letter.expected, [&promised, &flown]));
-        pairs.push(json!({ "letter": letter.expected, "promised": promised, "flown": flown }));
+    for ((verdict, before), after) in expected.zip(promised_letters).zip(flown_letters) {
+        rows.push(row(verdict.expected, [&before, &after]));
+        pairs.push(json!({ "letter": verdict.expected, "promised": before, "flown": after }));
     }
     // A drawing has neither a verdict nor letters.
     let verdict = flown.verdict.as_ref();

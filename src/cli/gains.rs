@@ -59,7 +59,8 @@ const BRYSON_RULE: &str = "1 / (largest deviation from hover within the motors' 
 
 /// Returns the values of a design that appear only in the text.
 fn words(scene: &Scene, design: &Design) -> Value {
-    // The Luenberger observer omits yaw, which is not observable from the position.
+    // The Luenberger observer estimates the first nine states, without the rates, except for yaw,
+    // which is not observable from the position.
     let is_luenberger = scene.observer.kind == EstimatorKind::Luenberger;
     let observed: Vec<&str> = STATES.into_iter().take(9).filter(|s| *s != "psi").collect();
     // The text calls K and L designed only if they were computed here instead of taken from the
@@ -193,7 +194,8 @@ fn poles(poles: Option<&Vec<Complex<f64>>>) -> String {
 
 /// Returns the stability margins of each input as text, or `None` for an unstable loop.
 fn margins(margins: Option<&[Margins; 4]>) -> Option<Vec<String>> {
-    /// Returns the gain margins in dB and the phase margin in degrees of one input as text.
+    /// Returns the gain margins of one input in dB, and its phase margin in degrees with the
+    /// crossover in rad/s, as text. Without a crossover, any phase is stable.
     fn in_words(margins: &Margins) -> String {
         let [down, up] = [margins.gain_down, margins.gain_up]
             .map(|gain| gain.map(|gain| format!("{:+.1}", decibels(gain))));

@@ -263,7 +263,8 @@ fn run_typed() -> u8 {
         Ok(typed) => typed,
         Err(error) => return usage(&error),
     };
-    let printed = on_threads(args.threads, || run_warned(&args.verb, args.json))
+    let reader = if args.json { Reader::Program } else { Reader::Person };
+    let printed = on_threads(args.threads, || run_warned(&args.verb, reader))
         .and_then(|report| print_report(&report, args.json).map(|()| report.passed));
     match printed {
         Ok(passed) => u8::from(!passed),
@@ -306,19 +307,23 @@ pub fn report_of(words: &[String]) -> Result<Report> {
         Err(error) if !error.use_stderr() => {
             Ok(Report::new(error.render().to_string(), Value::Null))
         }
-        Err(error) => {
-            let context = |kind| match error.get(kind)? {
-                ContextValue::String(name) => Some(name.clone()),
-                ContextValue::Strings(names) => Some(names.join(", ")),
-                _ => None,
-            };
-            let values = context(ContextKind::ValidValue).map(|values| format!("one of {values}"));
-            let near = context(ContextKind::SuggestedArg).or(context(ContextKind::SuggestedValue));
-            let wanted = values.unwrap_or_else(|| "those of the command".to_owned());
-            let hint = near.map_or("the verb with --help lists them".into(), |near| near + "?");
-            Err(Error::input("options", refused(&error), wanted, hint))
-        }
+        Err(error) => Err(input_error(&error)),
     }
+}
+
+/// Returns the error for refused arguments, with the valid values and the most similar argument or
+/// value, if clap names them.
+fn input_error(error: &clap::Error) -> Error {
+    let context = |kind| match error.get(kind)? {
+        ContextValue::String(name) => Some(name.clone()),
+        ContextValue::Strings(names) => Some(names.join(", ")),
+        _ => None,
+    };
+    let values = context(ContextKind::ValidValue).map(|values| format!("one of {values}"));
+    let near = context(ContextKind::SuggestedArg).or(context(ContextKind::SuggestedValue));
+    let wanted = values.unwrap_or_else(|| "those of the command".to_owned());
+    let hint = near.map_or("the verb with --help lists them".into(), |near| near + "?");
+    Error::input("options", refused(error), wanted, hint)
 }
 
 /// Returns the first line of clap's reason for refusing arguments, without the word `found` at its
@@ -413,21 +418,30 @@ fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) 
     work()
 }
 
+/// Reader of a report.
+#[derive(Clone, Copy, PartialEq)]
+enum Reader {
+    /// A person, who reads the text.
+    Person,
+    /// A program, which reads the JSON object.
+    Program,
+}
+
 /// Runs a verb whose messages are kept for the warnings in its JSON object, which the caller
 /// displays. If the verb fails, the messages so far are printed as warnings.
 fn run_quietly(verb: &Verb) -> Result<Report> {
-    let report = quietly(|| run_warned(verb, true));
+    let report = quietly(|| run_warned(verb, Reader::Program));
     warn(take_warnings());
     report
 }
 
 /// Runs a verb, and adds the warnings that the verb printed to its JSON object. The digest of the
-/// photo is added only if the JSON object is shown (`is_json`), because it takes time.
-fn run_warned(verb: &Verb, is_json: bool) -> Result<Report> {
+/// photo is added only for a program, because it takes time.
+fn run_warned(verb: &Verb, reader: Reader) -> Result<Report> {
     // Warnings of an earlier command in this process do not belong to this one.
     take_warnings();
     let mut report = run(verb)?;
-    if let Some(photo) = report.photo.take().filter(|_| is_json) {
+    if let Some(photo) = report.photo.take().filter(|_| reader == Reader::Program) {
         report.value("photo_sha256", sha256(&photo));
     }
     let mut warned = take_warnings();

@@ -60,8 +60,9 @@ impl Report {
         self.text += &line(name, text);
     }
 
-    /// Returns the report with the paths of the files that were written. The text is sent to
-    /// standard error if one of the files is standard output.
+    /// Returns the report with the paths of the files that were written, at the end of the text and
+    /// under the key `files`. The text is sent to standard error if one of the files is standard
+    /// output.
     pub(super) fn with_files(mut self, files: &[PathBuf]) -> Self {
         // Paths are not wrapped, so that they can be copied.
         for (index, file) in files.iter().enumerate() {

@@ -62,6 +62,7 @@ pub(super) fn run(args: &PlanArgs) -> Result<Report> {
     let plans: Vec<Plan> = shoot.plans.iter().map(|planned| planned.plan.clone()).collect();
     let drawing = file_name(&scene.letters.drawing);
     let title = if strokes.font.is_some() { &strokes.word } else { &drawing };
+    // A drawing shows all plans, and is written once in place of the tables.
     let files = outputs.keep(&plans, Some(&shoot.scene), |plan, mut out| match svg {
         Some(_) => out.write_all(plan_view(&plans, title, &strokes.numbers).as_bytes()),
         None => plan.write_csv(&mut out),

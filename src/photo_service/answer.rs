@@ -249,6 +249,14 @@ struct Ready {
     notes: Vec<Message>,
 }
 
+/// Options of a large photo.
+struct LargeOptions {
+    /// True if the answer contains remedies for an illegible word.
+    advice: bool,
+    /// Format of the photo's file. `None` if the files are not made.
+    format: Option<Format>,
+}
+
 /// Reason why a product is not made, which is an error of a stage or a message to the page.
 enum Refusal {
     Stage(Error),
@@ -269,7 +277,9 @@ impl Studio<'_> {
         let made = match product {
             Product::Live => self.live(subject),
             Product::Large { advice, files } => {
-                self.large(subject, advice, files.then_some(Format::Png))
+                let options = LargeOptions { advice, format: files.then_some(Format::Png) };
+                self.prepare(subject, LARGE_PIXELS)
+                    .and_then(|ready| self.judged(subject, ready, options))
             }
             Product::Script => self.script(subject),
         };
@@ -291,7 +301,7 @@ impl Studio<'_> {
             }
             (strokes, _) => strokes?,
         };
-        // The shape of the photo has no effect on the strokes.
+        // The changes for an audience do not affect the strokes.
         if self.has_audience {
             prepared.scene.for_audience();
         }
@@ -393,27 +403,20 @@ impl Studio<'_> {
         let shoot = Shoot::with_recordings(scene, vec![Recording::Flight(flight)])?;
         if is_over {
             let ready = Ready { shoot, profile, source: None, notes: Vec::new() };
-            return self.judged(subject, ready, false, Some(Format::Png));
+            let options = LargeOptions { advice: false, format: Some(Format::Png) };
+            return self.judged(subject, ready, options);
         }
         let shoot = Shoot { judging: Judging::Skipped, keeps_film: false, ..shoot };
         let files = vec![jpeg_file(&shoot.take_on(&mut film.film)?, LIVE_QUALITY)];
         Ok(Answer { facts: Facts::Script {}, files })
     }
 
-    /// Makes the large photo, with its files if a `format` is given. If `advice` is true, the
-    /// answer contains remedies for an illegible word.
-    fn large(&self, subject: &Subject, advice: bool, format: Option<Format>) -> Attempt<Answer> {
-        self.judged(subject, self.prepare(subject, LARGE_PIXELS)?, advice, format)
-    }
-
-    /// Takes the large photo of a subject that is ready, and judges it. If `advice` is true, the
-    /// answer contains remedies for an illegible word.
+    /// Takes the large photo of a subject that is ready, and judges it.
     fn judged(
         &self,
         subject: &Subject,
         Ready { shoot, profile, notes, .. }: Ready,
-        advice: bool,
-        format: Option<Format>,
+        LargeOptions { advice, format }: LargeOptions,
     ) -> Attempt<Answer> {
         let shot = self.take(shoot, Judging::Explained, format)?;
         // The flight in a log is over, and therefore needs no check.

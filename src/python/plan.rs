@@ -44,10 +44,11 @@ impl PyPlan {
     fn design(&self, time_s: f64, row: usize) -> [Vector3<f64>; 4] {
         let (from, next) = (&self.0.setpoints[row], self.0.setpoints.get(row + 1));
         let Some(next) = next.filter(|_| time_s >= from.time_s) else {
-            // Before the start and after the end of the plan, the design is at rest.
-            let is_moving = if time_s == from.time_s { 1.0 } else { 0.0 };
-            let [v, a] = [from.velocity_m_s * is_moving, from.acceleration_m_s2 * is_moving];
-            return [from.position_m, v, a, self.0.jerk_m_s3(row) * is_moving];
+            // Before the start and after the end of the plan, the design is at rest. At the time of
+            // the last setpoint, it has that setpoint's motion.
+            let motion = if time_s == from.time_s { 1.0 } else { 0.0 };
+            let [v, a] = [from.velocity_m_s * motion, from.acceleration_m_s2 * motion];
+            return [from.position_m, v, a, self.0.jerk_m_s3(row) * motion];
         };
         let step_s = next.time_s - from.time_s;
         let jerk_m_s3 = if self.0.jerk_m_s3.is_empty() {

@@ -185,6 +185,15 @@ impl Bucket {
     }
 }
 
+/// An entry for which scripts are made.
+#[derive(Debug)]
+pub(crate) struct ToFly {
+    pub(crate) number: u32,
+    pub(crate) title: String,
+    /// Word or drawing with its settings, or `None` if it cannot be read.
+    pub(crate) subject: Option<Subject>,
+}
+
 /// Receipt for the visitor who sent a photo.
 #[derive(Debug)]
 pub(crate) struct Receipt {
@@ -451,10 +460,9 @@ impl Entries {
         is_approved && !entry.hidden
     }
 
-    /// Returns the number, title and subject of the entry with the name `id` or, if `id` is `None`,
-    /// of all entries that are approved or in the air, in the order of flight. An unreadable
-    /// subject is `None`.
-    pub(crate) fn to_fly(&self, id: Option<&str>) -> Vec<(u32, String, Option<Subject>)> {
+    /// Returns the entry with the name `id` or, if `id` is `None`, all entries that are approved or
+    /// in the air, in the order of flight.
+    pub(crate) fn to_fly(&self, id: Option<&str>) -> Vec<ToFly> {
         let list = self.list();
         let entries = list.entries.iter().filter(|Stored { entry, .. }| match id {
             Some(id) => entry.id == id,
@@ -463,7 +471,7 @@ impl Entries {
         // Drawings have no title.
         let subjects = entries.map(|Stored { entry, folder, .. }| {
             let title = entry.title.clone().unwrap_or_else(|| DRAWING.to_owned());
-            (entry.number, title, gallery::read_subject(folder))
+            ToFly { number: entry.number, title, subject: gallery::read_subject(folder) }
         });
         subjects.collect()
     }

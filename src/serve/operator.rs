@@ -5,6 +5,7 @@ use serde_json::json;
 
 use super::access::Request;
 use super::address::Address;
+use super::entries::ToFly;
 use super::gallery::{JPEG, PNG, REPLAY};
 use super::http::{self, Reply};
 use super::routes::{Posted, Server, ZIP, file_reply, qr_code};
@@ -83,7 +84,7 @@ impl Server {
             return Err(Key::Closed);
         }
         let (mut results, mut files) = (Vec::new(), Vec::new());
-        for (index, (number, title, subject)) in entries.into_iter().enumerate() {
+        for (index, ToFly { number, title, subject }) in entries.into_iter().enumerate() {
             let name = format!("{:02}-{}", index + 1, stem(&title));
             let made = match subject {
                 None => Err(Key::Broken.into()),

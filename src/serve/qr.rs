@@ -21,7 +21,8 @@ fn modules(text: &str) -> Vec<Vec<bool>> {
     rows
 }
 
-/// Returns the QR code of a text as an SVG picture, dark on white.
+/// Returns the QR code of a text as an SVG picture, dark on white. A text that is too long yields
+/// an empty picture.
 pub(crate) fn svg(text: &str) -> String {
     // A single path draws all dark modules over a white square.
     let rows = modules(text);
@@ -39,8 +40,9 @@ pub(crate) fn svg(text: &str) -> String {
     )
 }
 
-/// Returns a code for a terminal with a black background, with two rows of modules per line. The
-/// white modules are printed as characters.
+/// Returns the QR code of a text for a terminal with a black background, with two rows of modules
+/// per line. The white modules are printed as characters. A text that is too long yields an empty
+/// code.
 pub fn printed(text: &str) -> String {
     let mut lines = String::new();
     // A character is twice as high as it is wide, so half blocks form square modules.

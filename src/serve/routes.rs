@@ -3,8 +3,9 @@
 use std::net::{IpAddr, Ipv4Addr};
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 
+use hyper::body::Incoming;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value, json};
 
@@ -60,23 +61,7 @@ impl Server {
     pub(crate) async fn answer(self: Arc<Self>, (peer, request, is_working): Arrival) -> Reply {
         let (head, body) = request.into_parts();
         let reply = match self.access.admit(&head, peer) {
-            Ok(mut request) => {
-                // A body is read only after the request is admitted.
-                let read = match &request.body {
-                    Some(_) => http::read_body(body).await.map(Some),
-                    None => Ok(None),
-                };
-                // A connection on which a visitor waits for changes may be closed.
-                let waits = request.route == "news" && request.base != Base::Operator;
-                is_working.store(!waits, Ordering::Relaxed);
-                match read {
-                    Ok(body) => {
-                        request.body = body;
-                        self.route(request).await.unwrap_or_else(http::refused)
-                    }
-                    Err(error) => error.into(),
-                }
-            }
+            Ok(request) => self.answer_admitted(request, body, &is_working).await,
             Err(error) => {
                 http::discard_body(body).await;
                 let is_page = error == HttpError(403, OLD_ADDRESS) && wants_page(&head);
@@ -85,6 +70,25 @@ impl Server {
         };
         is_working.store(false, Ordering::Relaxed);
         http::with_common_fields(reply)
+    }
+
+    /// Reads the body of an admitted POST, and answers the request. Sets the flag `is_working`,
+    /// except for a visitor who waits for changes, whose connection may be closed.
+    async fn answer_admitted(
+        self: &Arc<Self>,
+        mut request: Request,
+        body: Incoming,
+        is_working: &AtomicBool,
+    ) -> Reply {
+        if request.body.is_some() {
+            match http::read_body(body).await {
+                Ok(bytes) => request.body = Some(bytes),
+                Err(error) => return error.into(),
+            }
+        }
+        let waits = request.route == "news" && request.base != Base::Operator;
+        is_working.store(!waits, Ordering::Relaxed);
+        self.route(request).await.unwrap_or_else(http::refused)
     }
 
     /// Answers an admitted request by its address and route. Returns the key of a refusal.

@@ -411,13 +411,13 @@ impl JobMaker<'_> {
 }
 
 /// Links or copies a file into the current folder, unless it is there, and returns its name there.
+/// A name that is already used is preceded by underscores.
 fn bring_here(path: &Path) -> Result<String> {
     let here = std::env::current_dir().map_err(|source| Error::read(path, source))?;
     let mut name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     if path.parent() == Some(&here) {
         return Ok(name);
     }
-    // Another file may already have the same name.
     while Path::new(&name).exists() {
         name.insert(0, '_');
     }

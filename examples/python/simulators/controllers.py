@@ -60,9 +60,10 @@ class Crazyflow:
 
 
 class Pybullet:
-    """`DSLPIDControl` of gym-pybullet-drones at 100 Hz, its rotors' forces as those of a Crazyflie 2.x.
+    """`DSLPIDControl` of gym-pybullet-drones at 100 Hz, with the forces of a Crazyflie 2.x.
 
-    It takes rates from differences of angles: at 500 Hz it turns over on the noise of an estimate.
+    The controller computes rates from differences of angles. At 500 Hz the noise of an estimate makes the drone turn
+    over.
     """
 
     def __init__(self, scene):
