@@ -6,12 +6,12 @@
 //! one core of this machine is 0.35 ms for the arithmetic without merging, and 1.4 ms to clear and
 //! read the picture. The goals for the splat on one core are 2 ms with merging and 7 ms without.
 //!
-//! With two changes, all lamps of one color use one plane, and curves are kept in registers.
-//! Measured side by side on a busy machine, they reduced the processor time of the splat from 1.9
-//! to 1.5 ms with merging and from 12.8 to 5.7 ms without, and the time of NOOR with its 42 lamps
-//! from 13 to 10 ms. With merging, one millisecond of the splat is spent on clearing the picture.
-//! In a process that has not used that memory before, page faults increase this time to 8 ms, both
-//! before and after the changes.
+//! Two changes were tried: all lamps of one color use one plane, and curves are kept in registers.
+//! Measured side by side on a busy machine, the two changes reduced the processor time of the splat
+//! from 1.9 to 1.5 ms with merging and from 12.8 to 5.7 ms without, and the time of NOOR, with its
+//! 42 lamps, from 13 to 10 ms. With merging, one millisecond of the splat is spent on clearing the
+//! picture. In a process that has not used that memory before, page faults increase this time to 8
+//! ms, both before and after the changes.
 #![expect(clippy::unwrap_used, reason = "a bench fails by panicking")]
 #![allow(missing_docs, reason = "criterion's macro makes an undocumented function")]
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Fly the shards of a ranking on Dask distributed; all else is handed to noctograph rank.
+"""Flies the shards of a ranking on Dask distributed. All other arguments are passed to noctograph rank.
 
     pip install distributed
     python examples/dask_rank.py --shards 200 --scheduler tcp://host:8786 team tuned --words NOOR:9999
@@ -20,7 +20,7 @@ from distributed import Client, LocalCluster, as_completed
 
 
 def fly(command, shard, folder):
-    """One shard, by one command; what lies there already is not flown again."""
+    """Flies one shard by a command. Flights that are already stored are not repeated."""
     done = subprocess.run([*command, "--shard", shard], cwd=folder, capture_output=True, text=True)
     if done.returncode:
         raise RuntimeError(f"shard {shard}: {done.stderr.strip()}")

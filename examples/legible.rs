@@ -130,8 +130,8 @@ fn heights() -> Outcome<()> {
             let mut scene = scene(&plan, kind, size_px);
             scene.letters.cap_height_m = height_m;
             scene.letters.baseline_m = 0.75 - 0.5 * height_m;
-            // The radius of the corners is proportional to the letters, and the steps are as wide
-            // as the gaps.
+            // The corners of the style `even` and the steps of the style `team` are scaled with the
+            // letters, so that small letters keep their shape.
             match &mut scene.plan.style {
                 Style::Team(style) => style.step_m = 0.2 * height_m,
                 Style::Even(style) => {

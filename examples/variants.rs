@@ -6,10 +6,10 @@
 //! ```
 //!
 //! A picture's name consists of its word and a number, which is 0 for the reference team's letters.
-//! The printed line contains the readings of the picture given the word and without it. The line
-//! also contains the numbers of variants that are read like the picture given the word, read
-//! correctly given the word, legible, read like the picture without the word, and read correctly
-//! without it, and lists the variants that are read differently.
+//! The printed line contains the readings of the picture given the word and without it. Five
+//! numbers of variants follow: those that are read like the picture given the word, read correctly
+//! given the word, legible, read like the picture without the word, and read correctly without it.
+//! The line ends with the variants that are read differently.
 
 use std::error::Error;
 use std::path::Path;

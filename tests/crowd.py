@@ -1,4 +1,4 @@
-"""A hall full of visitors: tests/crowd.py NOCTOGRAPH [VISITORS] [SECONDS]
+"""Simulates a hall full of visitors: tests/crowd.py NOCTOGRAPH [VISITORS] [SECONDS]
 
 First a single visitor types, in Chromium and over HTTP, and then many at once. The script prints the time from a
 letter to its photograph, the refusals, and the processor time per photograph. It is not part of tests/run, because

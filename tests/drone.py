@@ -1,5 +1,8 @@
-"""A double of a Crazyflie in virtual time for exported scripts: a clock, a body that obeys commands like the
-firmware, and a link to it with cflib's own commanders, which can fail in every way."""
+"""A double of a Crazyflie in virtual time for exported scripts.
+
+It has a clock, a body that obeys commands like the firmware, and a link with cflib's own commanders. Each of these can
+fail.
+"""
 
 import importlib.metadata
 import importlib.util

@@ -1,4 +1,4 @@
-"""The exhibit in Chromium: tests/exhibit.py NOCTOGRAPH [AXE_JS] [PART/PARTS] [NAME …]
+"""Tests the exhibit in Chromium: tests/exhibit.py NOCTOGRAPH [AXE_JS] [PART/PARTS] [NAME …]
 
 Each fault that was found in a hall has a test here, which is named after a claim."""
 
@@ -485,7 +485,7 @@ def the_scrubber_exposes_the_photograph_along_the_stroke(hall):
         for (let i = 0; i < now.length; i += 4) {
             const [a, b] = [now[i] > 180 && now[i + 3] > 180, whole[i] > 180];
             counts.now += a; counts.whole += b; counts.extra += a && !b;
-            // Where the lamp will come, against the wall twenty pixels beside it.
+            // The future place of the lamp is compared with the wall twenty pixels beside it.
             const j = i + 80;
             if (b && now[i] < 60 && whole[j] < 60 && now[j] < 60) { n += 1; ghost += now[i]; wall += now[j]; }
         }
@@ -1058,7 +1058,7 @@ LOGGED = {"stateEstimate.x": "x_m", "stateEstimate.y": "y_m", "stateEstimate.z":
 
 
 def log_of(word):
-    """The lines of the log that a script keeps of a flight of a word, which is simulated."""
+    """Returns the lines of the log that a script writes of the simulated flight of a word."""
     with tempfile.TemporaryDirectory() as folder:
         for line in (f"plan {word} -o plan.csv", "fly plan.csv -o flight.csv"):
             subprocess.run([Path(PROGRAM).resolve(), *line.split()], cwd=folder, check=True, capture_output=True)
@@ -1075,7 +1075,7 @@ def log_of(word):
 
 
 def flown(path, lines, goes_on):
-    """Writes half of the light of a log at once, then a sample now and then, and the rest when it goes on."""
+    """Writes half of the light of a log at once, then single samples, and the rest when the flight continues."""
     changes = [n for n, line in enumerate(lines) if "headlights" in line]
     half = changes[len(changes) // 2]
 
@@ -1091,7 +1091,7 @@ def flown(path, lines, goes_on):
     return thread
 
 
-# How bright a photograph of the wall is, as it comes from the server.
+# Returns the brightness of a photograph that the server sends for the wall.
 BRIGHT = """selector => {
     const image = document.querySelector(selector), pen = new OffscreenCanvas(96, 54).getContext("2d");
     if (!image?.complete || !image.naturalWidth) return 0;
@@ -1104,7 +1104,7 @@ def a_flight_is_shown_as_it_is_written_and_its_photograph_is_kept(hall):
     """The operator starts the script; its log grows in the folder that the server watches."""
     with tempfile.TemporaryDirectory() as gallery, tempfile.TemporaryDirectory() as flights:
         lines = log_of("LO")
-        # That of another evening, which has nothing to do with this one.
+        # This log belongs to another evening.
         Path(flights, "LO_flight.jsonl").write_text("".join(lines))
         begin = lambda: Server(PROGRAM, "--network", "--gallery", gallery, "--flights", flights)
         server = begin()
@@ -1122,7 +1122,7 @@ def a_flight_is_shown_as_it_is_written_and_its_photograph_is_kept(hall):
             host.wait_for_selector("#list button")
             told = lambda text: until(host, f"document.querySelector('#flights').innerText.includes({text!r})", what=text)
 
-            # Nobody has approved it: nothing hangs, and the operator is told. Nor does a file that is no log.
+            # An entry that nobody has approved is not shown, and the operator is notified. Neither is a file that is not a log.
             Path(flights, "01-LO").mkdir()
             path = Path(flights, "01-LO", "LO_flight.jsonl")
             goes_on = threading.Event()
@@ -1132,7 +1132,7 @@ def a_flight_is_shown_as_it_is_written_and_its_photograph_is_kept(hall):
             told("notes.jsonl cannot be shown")
             assert wall.locator("figure img").count() == 0, "nothing hangs that nobody approved"
 
-            # From then on the wall shows it beside what was promised.
+            # From then on, the wall shows it beside the preview.
             host.keyboard.press("a")
             until(wall, "document.querySelector('.pair .side:nth-child(2) img[src*=live]')", "the light on the wall")
             said = wall.inner_text("#newest")
@@ -1160,7 +1160,7 @@ def a_flight_is_shown_as_it_is_written_and_its_photograph_is_kept(hall):
                 wall.screenshot(path=f"{picture}/flown.png")
 
             assert not (found := found + axe(wall)), found
-            # The visitor keeps it, and both are in the folder of the entry.
+            # The visitor can keep it, and both photographs are in the folder of the entry.
             until(mine, "document.querySelector('#keep').textContent === 'Keep the flown photograph'")
             assert re.search(r"Promised 0\.\d+, flown 0\.\d+\.", mine.inner_text("#state")), mine.inner_text("#state")
             until(mine, "document.querySelector('#photo').src.endsWith('/flown-1.jpg')")
@@ -1177,7 +1177,7 @@ def a_flight_is_shown_as_it_is_written_and_its_photograph_is_kept(hall):
             assert Path(download.value.path()).read_bytes() == Path(entry, "photo.png").read_bytes()
             assert not (found := axe(mine)), found
 
-            # The second one has no end: 20 s after its last line it is over.
+            # The second log has no end mark. The flight counts as over 20 s after its last line.
             told("LO_flight-2.jsonl ended early.")
             until(mine, "document.querySelector('#photo').src.endsWith('/flown-2.jpg')", "the second flight")
             host.click("#tabs button:nth-child(2)")
@@ -1188,7 +1188,7 @@ def a_flight_is_shown_as_it_is_written_and_its_photograph_is_kept(hall):
             server.kill()
             server = begin()
             until(wall, "!document.querySelector('#lost').textContent && document.querySelector('#newest').innerText.includes('flown 0.')", "both after a kill")
-            # The folder vanishes, and comes again.
+            # The folder disappears, and is created again.
             host, _ = opened(hall.browser, server.operator)
             shutil.move(flights, f"{flights}-gone")
             told("The folder of flights cannot be read")
@@ -1321,7 +1321,7 @@ def kiosk_states(browser, server):
 
 
 def axe(page):
-    """What axe-core finds on a page."""
+    """Returns the problems that axe-core finds on a page."""
     if not AXE:
         return []
     page.emulate_media(reduced_motion="reduce")  # colors that change have changed
@@ -1332,7 +1332,7 @@ def axe(page):
 def every_state_is_accessible_and_its_targets_are_large(hall):
     """Checks that axe-core finds nothing, no touch target is smaller than 44 px, and nothing overflows."""
     small = """() => [...document.querySelectorAll('button, a[href], select, input:not([type=hidden]), .lights label')].filter(e => {
-        // What is touched in a photograph is as large as its letter; a hidden input is touched by its label.
+        // The target of a touch in a photograph is as large as its letter. A hidden input is touched by its label.
         if (e.closest('#marks') || e.matches('.sr, .lights input')) return false;
         const box = e.getBoundingClientRect();
         return box.width > 0 && (box.width < 43.9 || box.height < 43.9 || box.left < -1 || box.right > innerWidth + 1) && e.checkVisibility();

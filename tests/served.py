@@ -1,4 +1,4 @@
-"""The page at home in Chromium: tests/served.py NOCTOGRAPH
+"""Tests the page at home in Chromium: tests/served.py NOCTOGRAPH
 
 Words, drawings, files, advice, settings and downloads, by keyboard and by pointer."""
 

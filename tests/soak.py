@@ -1,4 +1,4 @@
-"""A day at one kiosk: tests/soak.py NOCTOGRAPH [VISITORS]
+"""Simulates a day at one kiosk: tests/soak.py NOCTOGRAPH [VISITORS]
 
 One visitor after another types a word, or draws, sees the photograph, sends it and leaves, and an operator
 approves it on a separate page. No visitor may be refused, and neither the server nor the browser may grow."""

@@ -1,4 +1,4 @@
-"""The page without a server, in Chromium: tests/web.py NOCTOGRAPH FOLDER [NAME …]
+"""Tests the page without a server in Chromium: tests/web.py NOCTOGRAPH FOLDER [NAME …]
 
 Compares the browser's photographs, verdicts, flights and plans with those of the command line byte by byte, and tests
 the page with its link, its files and its element, and without a network."""
@@ -192,7 +192,7 @@ def a_link_opens_with_what_it_says(browser, host):
 
 
 def a_link_of_another_version_loses_what_is_unknown_and_says_so(browser, host):
-    """A lamp, colors, a body and settings that this version does not know; what it knows stays."""
+    """Opens a link with a lamp, colors, a body and settings that this version does not know. Known settings must be kept."""
     known = '"letters.cap_height_m":"0.6"'
     for parts in ['lamp="laser"&color="ultraviolet"&painted=[null,null,null,null]', 'body="pinhole"&room="cave"&pace="soon"&seed=-1', "wind=3&aspect=99",
                   'settings={"wings.flap":"7",%s}' % known, 'settings={"controller.kind":"psychic",%s}' % known, 'settings={"letters.font":"/etc/passwd"}',

@@ -9,12 +9,13 @@ import numpy as np
 
 import noctograph as nc
 
-#: A share of hover's command for a weight of 1. Sideways: per m, m/s, m/s² of the design, rad, rad/s, m s, share.
+#: Fractions of the hover command for a weight of 1, sideways, per m, m/s, m/s² of the design, rad, rad/s, m s and
+#: fraction of the hover command.
 SIDEWAYS = np.array([0.1, 0.1, 0.02, 0.2, 0.03, 0.1, 1.0])
-#: Upward, as sideways, without an angle; about the vertical: per rad, rad/s, share.
+#: Likewise upward, without an angle, and about the vertical, per rad, rad/s and fraction of the hover command.
 UPWARD, TURNING = np.array([2.0, 1.0, 0.1, 2.0, 1.0]), np.array([0.2, 0.1, 1.0])
 N_WEIGHTS = len(SIDEWAYS) + len(UPWARD) + len(TURNING)
-#: Lag of the stored commands, and bound of the integral, m s.
+#: Lag of the stored commands in s, and bound of the integral of the error in m s.
 LAG_S, MOST_INTEGRAL = 0.08, 0.3
 #: Weights after 38 generations of `train.py`.
 WEIGHTS = np.array([-25.969, -39.31, 4.33, -16.219, -28.533, -17.99, -2.425, -19.001, -24.006, 7.969, -12.492, -9.98, -19.654, -19.989, 3.177])

@@ -47,9 +47,9 @@ pub(crate) struct Setting {
     pub(crate) known: Scene,
     /// Scene that is flown and photographed.
     pub(crate) actual: Scene,
-    /// Conditions under which the drone and its room vary about `actual`.
+    /// Conditions that determine how the drone and its room differ from `actual`.
     pub(crate) conditions: Conditions,
-    /// Fraction of each letter's light commands that is lost, in consecutive commands.
+    /// Fraction of each letter's light commands that are lost. The lost commands are consecutive.
     pub(crate) missing_frac: f64,
 }
 
@@ -184,8 +184,8 @@ fn share_of(n: usize, share: f64) -> usize {
 }
 
 impl Setting {
-    /// Returns the setting of a word without faults: the team's repaired letters in the style even,
-    /// flown by a controller that follows the design, with only the lamps that write.
+    /// Returns the setting of a word without faults, in the style `even` and the team's repaired
+    /// letters. The controller follows the design, and only the lamps that write are on.
     pub(crate) fn clean(word: &str, seed: u64) -> Self {
         let style = EvenStyle { exposure: LightLevel::Dimmed, ..EvenStyle::default() };
         let mut scene =
@@ -204,7 +204,7 @@ impl Setting {
         }
     }
 
-    /// Returns both scenes, for faults of the design.
+    /// Returns both scenes, to which a fault of the design applies equally.
     pub(crate) fn scenes(&mut self) -> [&mut Scene; 2] {
         [&mut self.known, &mut self.actual]
     }
@@ -266,8 +266,8 @@ impl Setting {
     }
 }
 
-/// Returns the shoot of a scene with its plans, which are cached, because all faults of flight,
-/// lamps and camera use the same plans.
+/// Returns the shoot of a scene. Its plans are cached, because all faults of flight, lamps and
+/// camera use the same plans.
 fn planned(known: &Scene) -> Result<Shoot> {
     static MADE: Mutex<Vec<Shoot>> = Mutex::new(Vec::new());
     let mut made = MADE.lock().expect("no panic");
@@ -278,8 +278,8 @@ fn planned(known: &Scene) -> Result<Shoot> {
     Ok(made[made.len() - 1].clone())
 }
 
-/// Returns the flights of a shoot. The first flights, those of clean words, are cached, because all
-/// faults of lamps and camera use them.
+/// Returns the flights of a shoot. Flights of words without faults are cached, because all faults
+/// of lamps and camera use them.
 fn flown(known: &Scene, shoot: &Shoot) -> Result<Vec<Flight>> {
     type Flown = (Scene, Vec<Planned>, SimOptions, Vec<Flight>);
     static CLEAN: Mutex<Vec<Flown>> = Mutex::new(Vec::new());

@@ -1,4 +1,4 @@
-"""Two estimators of one's own for `nc.fly(scene, estimator=...)`, where `sensors.positioning` is `position`.
+"""Two custom estimators for `nc.fly(scene, estimator=...)`, for scenes in which `sensors.positioning` is `position`.
 
 usage: python examples/python/estimators.py
 
@@ -33,7 +33,7 @@ class Luenberger:
 class Ekf:
     """An extended Kalman filter of position, attitude and velocity, driven by gyroscope and accelerometer."""
 
-    #: 1 σ of a position, and of gyroscope and accelerometer in one tick: what they read, and what the model leaves out.
+    #: Standard deviations of a position, and of gyroscope and accelerometer in one tick, including errors of the model.
     position_m, rate_rad_s, force_m_s2 = 0.002, 0.1, 2.0
 
     def __init__(self, state):

@@ -1,4 +1,4 @@
-"""Makes pages of the notebooks, as they print and draw: docs/notebooks.
+"""Runs the notebooks and writes a page with the output of each to docs/notebooks.
 
 usage: python examples/python/pages.py [NOTEBOOK...]    needs noctograph, nbclient, ipykernel, matplotlib, scipy, pillow
 """
@@ -15,7 +15,7 @@ from PIL import Image
 
 HERE = pathlib.Path(__file__).resolve().parent
 PAGES = HERE.parent.parent / "docs/notebooks"
-#: Largest picture, bytes and pixels.
+#: Maximum size of a picture, in bytes and in pixels.
 MOST, WIDTH = 200_000, 1000
 
 
@@ -40,7 +40,7 @@ def picture(data, name):
 
 
 def shown(outputs, name):
-    """What a page shows of a cell's outputs; `name` is that of its pictures."""
+    """Returns the text of a cell's outputs in a page. `name` is the name of its pictures."""
     printed, pictures = "", []
     for output in outputs:
         data = output.get("data", {})

@@ -322,7 +322,8 @@ fn lose_light(plan: &mut Plan, share: f64, rng: &mut Rng) {
     }
 }
 
-/// Photographs a flight with a random camera, with a fault.
+/// Photographs a flight with a random camera, and with the fault that was drawn for the photograph,
+/// if any.
 pub(crate) fn photograph(
     rng: &mut Rng,
     flown: &Flown,

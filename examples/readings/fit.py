@@ -25,14 +25,14 @@ from spelling import LETTERS, plain, table
 
 READERS = ["a", "b"]
 
-# Of words with one wrong letter, or one too many or too few, in the fit: they are twice as many as the right ones, and
-# visitors see few of them.
+# Weight in the fit of a word with one wrong, extra or missing letter. The data contain twice as many such words as
+# correct ones, whereas visitors see few of them.
 WEIGHT_OF_WRONG = 0.15
 
 
 SPELLING = table(os.path.join(os.path.dirname(__file__), "../../src/score/spelling.bin"))
 
-# What is next to a digit, and a single character: as in src/score/spelling.rs.
+# Log-probabilities of a character beside a digit, and of a single character, as in src/score/spelling.rs.
 WITH_DIGIT, AVERAGE = -3.58, -2.2
 
 KINDS = ["ABCDEFGHIJKLMNOPQRSTUVWXYZ", "abcdefghijklmnopqrstuvwxyz", "0123456789"]

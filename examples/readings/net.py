@@ -21,7 +21,7 @@ EPSILON = 1e-3
 
 
 class Net(nn.Module):
-    """Takes strips (batch, 2, rows, columns) from 0 to 1; gives logits (batch, columns / 2, classes)."""
+    """Maps strips (batch, 2, rows, columns) with values from 0 to 1 to logits (batch, columns / 2, classes)."""
 
     def __init__(self):
         super().__init__()
@@ -45,7 +45,7 @@ class Net(nn.Module):
                 weight = as_bytes(conv.weight * factor[:, None, None, None])
                 x = F.conv2d(x, weight, norm.bias - norm.running_mean * factor, padding=conv.padding,
                              dilation=conv.dilation)
-                # Sums are rounded down in use.
+                # When the network is used, sums are rounded down.
                 x = x + (torch.floor(x * (255 / TOP)) * (TOP / 255) - x).detach()
                 x = (before + x).clamp(0, TOP)
             else:
@@ -58,7 +58,7 @@ class Net(nn.Module):
 
 
 def step_of(weight):
-    """A unit of an output channel's weights in integers."""
+    """Returns the step between two integer weights of each output channel."""
     return weight.abs().amax((1, 2, 3), keepdim=True) / 127 + 1e-12
 
 
@@ -68,11 +68,11 @@ def as_bytes(weight):
 
 
 def integers(net):
-    """The net in integers: weights of 8 bits per output channel, biases and multipliers of 32, as bytes.
+    """Returns the net in integers, as bytes: weights of 8 bits per output channel, biases and multipliers of 32 bits.
 
-    Activations are bytes, 255 is TOP (the input: 1). A layer's output is
-    clamp(input + ((sum(weight * byte) + bias) * multiplier >> 24)), the input if it is added; of the last, logits in
-    1/256.
+    Activations are bytes, of which 255 stands for TOP, or for 1 in the input. A layer's output is
+    clamp(input + ((sum(weight * byte) + bias) * multiplier >> 24)), with the input only if the layer adds it. The last
+    layer's output is logits in units of 1/256.
     """
     out = b""
     for n, (layer, conv) in enumerate(zip(LAYERS, net.convs)):
@@ -98,7 +98,7 @@ def integers(net):
 
 
 def from_integers(data, strips):
-    """The net of a weights file, its normalization set from a batch of strips: training goes on from there."""
+    """Returns the network of a weights file for further training, with its normalization set from a batch of strips."""
     net, at, x = Net(), 0, strips
     with torch.no_grad():
         for n, (layer, conv) in enumerate(zip(LAYERS, net.convs)):

@@ -13,7 +13,7 @@ COLUMNS, ROWS, TILE_W, TILE_H, STRIP = 3, 4, 480, 300, 18
 
 
 def sheet(names, folder, captions=None):
-    """A page of photos, each with its name or caption above it."""
+    """Returns a sheet of photos, each with its name or caption above it."""
     page = Image.new("RGB", (COLUMNS * (TILE_W + 8) + 8, ROWS * (TILE_H + STRIP + 8) + 8), (70, 70, 70))
     pen, font = ImageDraw.Draw(page), ImageFont.load_default(14)
     for n, name in enumerate(names):

@@ -1,4 +1,4 @@
-"""Writes src/score/spelling.bin: how likely each letter is after those before it, in words and names.
+"""Writes src/score/spelling.bin, the probability of each letter after the preceding ones in words and names.
 
     python3 spelling.py ../../src/score/spelling.bin SCOWL NAMES
 
@@ -27,7 +27,7 @@ import unicodedata
 LETTERS = " abcdefghijklmnopqrstuvwxyz"
 N_RUNS = [24000, 44000]  # of four and of five letters
 BACKOFF = 0.4  # as of Brants and others 2007
-# Weight of a word by the list of SCOWL that has it first: 10 is the most common.
+# Weight of a word by the smallest list of SCOWL that contains it. List 10 contains the most common words.
 SIZES = {"10": 12, "20": 8, "35": 4, "40": 2, "50": 2, "55": 1, "60": 1, "70": 1}
 
 
@@ -43,7 +43,7 @@ def plain(word):
 
 
 def weights(scowl, names):
-    """How often each word counts."""
+    """Returns the weight of each word."""
     found = collections.Counter()
     for size, weight in SIZES.items():
         for kind in ("english-words", "american-words", "english-upper", "american-upper"):
@@ -62,7 +62,7 @@ def weights(scowl, names):
 
 
 def of_languages():
-    """Names and words of other languages, and their weights."""
+    """Returns names and words of other languages with their weights."""
     for language in LANGUAGES:
         for kind, lists in FAKER.items():
             module = f"faker.providers.{kind}.{language}"
@@ -77,12 +77,12 @@ def of_languages():
 
 
 def number(run):
-    """A run of letters as a number of base 27."""
+    """Returns a sequence of letters as a number in base 27."""
     return functools.reduce(lambda sum, letter: 27 * sum + LETTERS.index(letter), run, 0)
 
 
 def distances(numbers):
-    """Sorted numbers as bytes: the distance of each from the one before, seven bits a byte (LEB128)."""
+    """Encodes sorted numbers as bytes: the difference of each from the previous one, with seven bits per byte (LEB128)."""
     out = bytearray()
     for before, number in zip([0, *numbers], numbers):
         distance = number - before
@@ -94,7 +94,7 @@ def distances(numbers):
 
 
 def table(path):
-    """The table of a file, as a function: ln p of the last of five letters after the others."""
+    """Returns the table of a file as a function, which gives ln p of the last of five letters after the others."""
     data, runs, at = open(path, "rb").read(), [], 27 ** 3
     for _ in N_RUNS:
         (n,) = struct.unpack_from("<I", data, at)

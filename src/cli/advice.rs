@@ -10,7 +10,7 @@ use crate::scene::Scene;
 use noctograph_core::diagnostic::Change;
 use noctograph_core::settings::{Described, paths};
 
-/// Scene keys that have a separate flag, each with the flag and the name of the flag's value.
+/// Scene keys that have their own flag, each with the flag and the name of the flag's value.
 const OF_KEYS: [(&str, &str, &str); 8] = [
     ("expose.room_m", "--room", "WxDxH"),
     ("letters.font", "--font", "NAME"),
@@ -30,7 +30,8 @@ pub(super) fn mentioned(change: &Change) -> String {
     }
 }
 
-/// Returns changes of the scene as the arguments that a user would type.
+/// Returns changes of the scene as the arguments that a user would type. A change of the width must
+/// be followed by that of the height.
 pub(super) fn typed(changes: &[Change]) -> String {
     // --size sets width and height together. Any other key is set by a separate flag or by --set.
     if let [Change { key, value: Some(width) }, height] = changes
@@ -38,8 +39,7 @@ pub(super) fn typed(changes: &[Change]) -> String {
     {
         return format!("--size {width}x{}", height.value.as_deref().unwrap_or_default());
     }
-    /// Returns one change as a flag of its own, or as `--set KEY=VALUE`, quoted for a shell if it
-    /// is a list.
+    /// Returns one change as its flag, or as `--set KEY=VALUE`. A list is quoted for a shell.
     fn flag_or_setting(change: &Change) -> String {
         let (key, value) = (&*change.key, change.value.as_deref().unwrap_or_default());
         match (OF_KEYS.iter().find(|(known, ..)| *known == key), value) {
@@ -86,7 +86,6 @@ const FLAGS: [(&str, &str, &str); 19] = [
 /// Returns a sentence for each flag of the verb that may resolve the error. The flags depend on the
 /// error's code and on the key that it concerns.
 pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
-    // Flags are looked up by the error's code, or by the key that the error concerns.
     let (code, path) = match error {
         Error::Input { place, .. } => (error.code(), place.key()),
         _ => (error.code(), ""),
@@ -95,10 +94,6 @@ pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
         let name = typed.split(' ').next();
         verb.get_arguments().any(|flag| flag.get_long() == name)
     };
-    fn is_typed(flag: &str) -> bool {
-        let flag = format!("--{}", flag.split(' ').next().unwrap_or_default());
-        typed_words().any(|word| word == flag || word.starts_with(&format!("{flag}=")))
-    }
     // Special flags come before the flag that sets the key. A flag that the user already typed is
     // left out, because it did not help.
     let special = FLAGS
@@ -121,6 +116,12 @@ pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
         advice.push(format!("`--{flag}` sets it"));
     }
     advice
+}
+
+/// Returns true if a flag was typed. `flag` may be followed by a value, which is ignored.
+fn is_typed(flag: &str) -> bool {
+    let flag = format!("--{}", flag.split(' ').next().unwrap_or_default());
+    typed_words().any(|word| word == flag || word.starts_with(&format!("{flag}=")))
 }
 
 /// Returns the flag for an option such as `import.max_gap_s`, which is `max-gap-s` or, without the

@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::flight::{Flight, Quantity};
 use crate::logs::{PositionSource, import};
 use crate::report::{NamedFlight, error_over_time, front_view, top_view};
-use crate::tracking::{Part, Tracking, track};
+use crate::tracking::{Part, track};
 use clap::Args;
 use serde_json::{Value, json};
 
@@ -44,7 +44,8 @@ pub(super) struct CompareArgs {
     output: Option<PathBuf>,
 }
 
-/// RMS distance, in m, below which two flights count as equal. It is a third of a lamp's width.
+/// RMS distance, in m, below which two flights count as equal, and no cause of the difference is
+/// printed. It is a third of a lamp's width.
 const ALIKE_M: f64 = 0.001;
 
 const FILES: [&str; 3] = ["flight-xy.svg", "flight-xz.svg", "error.svg"];
@@ -53,44 +54,58 @@ const FILES: [&str; 3] = ["flight-xy.svg", "flight-xz.svg", "error.svg"];
 /// most probable cause. Plots are written if an output folder is given.
 pub(super) fn run(args: &CompareArgs) -> Result<Report> {
     let folder = args.output.as_deref().map(OutputFolder::create).transpose()?;
-    let options = ComparisonOptions {
-        part: args.part,
-        alignment: match args.offset {
-            Some(offset_s) => Alignment::Offset(offset_s),
-            None if args.align == "flown" => Alignment::Flown,
-            None => Alignment::Design,
-        },
-        max_gap_s: args.flights.max_gap,
+    let alignment = match args.offset {
+        Some(offset_s) => Alignment::Offset(offset_s),
+        None if args.align == "flown" => Alignment::Flown,
+        None => Alignment::Design,
     };
+    let options = ComparisonOptions { part: args.part, alignment, max_gap_s: args.flights.max_gap };
     let [a, b] = read(args, &options)?;
     let comparison = compare(&a, &b, &options)?;
-    // A flight without a design can still be compared with another one.
-    let tracking = [&a, &b].map(|flight| track(flight, options.part).ok());
     let files = match folder {
         Some(folder) => plots(folder, args, [&a, &b], &comparison)?,
         None => Vec::new(),
     };
-    /// Returns a flight's file, digest and tracking error as JSON. The error is null for a flight
-    /// without a design.
-    fn side(path: &Path, flight: &Flight, tracking: &Option<Tracking>) -> Value {
-        let tracking = tracking.as_ref().map(show::tracking_json);
-        let (file, sha256) = (path.display().to_string(), flight.sha256());
-        json!({ "file": file, "sha256": sha256, "tracking": tracking })
-    }
     let first = comparison.first.map(|(cause, fraction)| {
         let (cause, change) = in_words(cause);
         json!({ "cause": cause, "change": change, "share": fraction })
     });
     // The JSON object contains the comparison and each flight's tracking error.
     let mut product = json!(comparison);
-    product["a"] = side(&args.a, &a, &tracking[0]);
-    product["b"] = side(&args.b, &b, &tracking[1]);
+    product["a"] = side(&args.a, &a, options.part);
+    product["b"] = side(&args.b, &b, options.part);
     let sides = [("A", &product["a"]["tracking"]), ("B", &product["b"]["tracking"])];
     let sides = sides.into_iter().filter(|(_, tracking)| !tracking.is_null());
-    let side = |(name, tracking)| json!({ "name": name, "tracking": tracking });
-    let sides: Vec<_> = sides.map(side).collect();
-    // In addition to the three axes, the table of errors has a column for the word's plane.
-    let mut errors = vec![json!({ "name": "A against B", "m": product["rmse_m"] })];
+    let sides: Vec<_> =
+        sides.map(|(name, tracking)| json!({ "name": name, "tracking": tracking })).collect();
+    let is_ahead = |side: &&Value| {
+        side["tracking"]["lag_s"].as_f64().is_some_and(|lag_s| lag_s < show::LEAD_S)
+    };
+    let is_alike = comparison.rmse_m.norm() < ALIKE_M;
+    let words = json!({
+        "errors": error_rows(&product["rmse_m"], &sides), "sides": sides,
+        "leads": sides.iter().filter(is_ahead).collect::<Vec<_>>(),
+        "turned": Vec::from_iter(comparison.attitude_rmse),
+        "cause": first.as_ref().filter(|_| !is_alike),
+    });
+    product["first"] = first.into();
+    let layout = if files.is_empty() { LAYOUT.trim_end() } else { LAYOUT };
+    Ok(Report::with_words(product, &words, layout).with_files(&files))
+}
+
+/// Returns a flight's file, digest and tracking error as JSON. The error is null for a flight
+/// without a design, which can still be compared with another flight.
+fn side(path: &Path, flight: &Flight, part: Part) -> Value {
+    let tracking = track(flight, part).ok().as_ref().map(show::tracking_json);
+    let (file, sha256) = (path.display().to_string(), flight.sha256());
+    json!({ "file": file, "sha256": sha256, "tracking": tracking })
+}
+
+/// Returns the rows of the table of errors: the difference of the two flights, and three errors of
+/// each flight that has a design. Each row contains the error on each axis and in the word's plane,
+/// in m.
+fn error_rows(rmse_m: &Value, sides: &[Value]) -> Vec<Value> {
+    let mut rows = vec![json!({ "name": "A against B", "m": rmse_m })];
     for (key, what) in [
         ("rmse_m", "against its design"),
         ("rmse_after_lag_m", "without its lag"),
@@ -98,28 +113,15 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report> {
     ] {
         for side in sides.iter().filter(|side| !side["tracking"][key].is_null()) {
             let name = format!("{} {what}", side["name"].as_str().unwrap_or_default());
-            errors.push(json!({ "name": name, "m": side["tracking"][key] }));
+            rows.push(json!({ "name": name, "m": side["tracking"][key] }));
         }
     }
     // The error in the word's plane combines x and z.
-    for error in &mut errors {
-        let [x, z] = [0, 2].map(|axis| error["m"][axis].as_f64().unwrap_or_default());
-        error["in_plane_m"] = libm::hypot(x, z).into();
+    for row in &mut rows {
+        let [x_m, z_m] = [0, 2].map(|axis| row["m"][axis].as_f64().unwrap_or_default());
+        row["in_plane_m"] = libm::hypot(x_m, z_m).into();
     }
-    let is_ahead = |side: &&Value| {
-        side["tracking"]["lag_s"].as_f64().is_some_and(|lag_s| lag_s < show::LEAD_S)
-    };
-    let leads: Vec<_> = sides.iter().filter(is_ahead).collect();
-    let is_alike = comparison.rmse_m.norm() < ALIKE_M;
-    let words = json!({
-        "errors": errors, "sides": sides,
-        "leads": leads,
-        "turned": Vec::from_iter(comparison.attitude_rmse),
-        "cause": first.as_ref().filter(|_| !is_alike),
-    });
-    product["first"] = first.into();
-    let layout = if files.is_empty() { LAYOUT.trim_end() } else { LAYOUT };
-    Ok(Report::with_words(product, &words, layout).with_files(&files))
+    rows
 }
 
 const LAYOUT: &str = "\
@@ -146,59 +148,68 @@ change    {cause.change}
 
 ";
 
-/// Returns both flights. `--clock-ratio` corrects the clock of a drone, and therefore applies to
-/// only one of the files. Returns [`Error::Input`] if it is unknown to which.
+/// Reads both flights. `--clock-ratio` corrects the clock of a drone, and therefore applies to only
+/// one of the files, which a note names. Returns [`Error::Input`] if this file cannot be
+/// determined.
 fn read(args: &CompareArgs, options: &ComparisonOptions) -> Result<[Flight; 2]> {
     let position = args.position_b.unwrap_or(args.flights.position);
     let flags = [args.flights.clone(), FlightFlags { position, ..args.flights.clone() }];
-    let both = [flags[0].read(&args.a, None)?, flags[1].read(&args.b, None)?];
+    let [a, b] = [flags[0].read(&args.a, None)?, flags[1].read(&args.b, None)?];
     if args.flights.clock_ratio.is_none_or(|ratio| ratio == 1.0) {
-        return Ok(both);
+        return Ok([a, b]);
     }
     fn as_stamped(flags: &FlightFlags, path: &Path) -> Result<Flight> {
         import(path, &FlightFlags { clock_ratio: Some(1.0), ..flags.clone() }.options(None))
     }
     // Each file is read with and without the ratio. If the results are equal, the file is a flight
     // instead of a log, and its times do not come from a drone's clock.
-    let [a_stamped, b_stamped] = [as_stamped(&flags[0], &args.a)?, as_stamped(&flags[1], &args.b)?];
-    let [a, b] = both;
-    // Only a drone's log contains motor commands, rates, estimates or setpoints. A motion capture
-    // system logs only poses.
-    fn of_drone(flight: &Flight) -> bool {
-        let inside = [Quantity::Motors, Quantity::Rate, Quantity::Estimate, Quantity::Design];
-        inside.iter().any(|quantity| flight.has(*quantity))
-    }
-    let [is_a, is_b] = [of_drone(&a), of_drone(&b)];
-    if a == a_stamped || b == b_stamped || is_a && is_b {
+    let stamped = [as_stamped(&flags[0], &args.a)?, as_stamped(&flags[1], &args.b)?];
+    let drones = [is_of_drone(&a), is_of_drone(&b)];
+    if a == stamped[0] || b == stamped[1] || drones == [true; 2] {
         return Ok([a, b]);
     }
-    // The columns do not show which log comes from the drone, so the ratio is applied to the log
-    // with which the two flights then agree better.
-    let is_a = if is_a || is_b {
-        is_a
-    } else {
-        let apart_m = |a: &Flight, b: &Flight| {
-            compare(a, b, options).map_or(f64::INFINITY, |comparison| comparison.rmse_m.norm())
-        };
-        let [of_a, of_b] = [apart_m(&a, &b_stamped), apart_m(&a_stamped, &b)];
-        if of_a.min(of_b) * CLEARLY > of_a.max(of_b) || of_a == of_b {
-            let actual = "two logs without motors, rates, estimates or setpoints";
-            let hint = "import the drone's log separately with this ratio, and compare the flight";
-            return Err(Error::input("clock_ratio", actual, "one log by the drone", hint));
-        }
-        of_a < of_b
+    let is_a = match drones {
+        [false, false] => fits_better_as_a([&a, &b], &stamped, options)?,
+        [is_a, _] => is_a,
     };
-    let (name, flights) = match is_a {
-        true => ("A", [a, b_stamped]),
-        false => ("B", [a_stamped, b]),
-    };
+    let [a_stamped, b_stamped] = stamped;
+    let (name, flights) = if is_a { ("A", [a, b_stamped]) } else { ("B", [a_stamped, b]) };
     let note = format!("{name} is the drone's log, so the clock ratio applies only to this log");
     message("note: ", &note);
     Ok(flights)
 }
 
-/// Smallest ratio of the two RMS distances at which the better fit determines the log to which the
-/// clock ratio applies.
+/// Returns true if a flight contains motor commands, rates, estimates or setpoints, which only a
+/// drone logs. A motion capture system logs only poses.
+fn is_of_drone(flight: &Flight) -> bool {
+    let inside = [Quantity::Motors, Quantity::Rate, Quantity::Estimate, Quantity::Design];
+    inside.iter().any(|quantity| flight.has(*quantity))
+}
+
+/// Returns true if two logs agree better with the clock ratio applied to A than to B. `corrected`
+/// contains both logs with the ratio, and `stamped` both without. Returns [`Error::Input`] if the
+/// two fits are too similar to decide.
+fn fits_better_as_a(
+    corrected: [&Flight; 2],
+    stamped: &[Flight; 2],
+    options: &ComparisonOptions,
+) -> Result<bool> {
+    // Logs that cannot be compared do not fit at all.
+    let apart_m = |a: &Flight, b: &Flight| {
+        compare(a, b, options).map_or(f64::INFINITY, |comparison| comparison.rmse_m.norm())
+    };
+    let as_a_m = apart_m(corrected[0], &stamped[1]);
+    let as_b_m = apart_m(&stamped[0], corrected[1]);
+    if as_a_m.min(as_b_m) * CLEARLY > as_a_m.max(as_b_m) || as_a_m == as_b_m {
+        let actual = "two logs without motors, rates, estimates or setpoints";
+        let hint = "import the drone's log separately with this ratio, and compare the flight";
+        return Err(Error::input("clock_ratio", actual, "one log by the drone", hint));
+    }
+    Ok(as_a_m < as_b_m)
+}
+
+/// Smallest ratio of the larger to the smaller RMS distance at which the better fit determines the
+/// log to which the clock ratio applies.
 const CLEARLY: f64 = 1.5;
 
 /// Writes the plots of both flights, with B on A's clock and in A's frame, and returns their paths.
@@ -208,7 +219,7 @@ fn plots(
     flights: [&Flight; 2],
     comparison: &Comparison,
 ) -> Result<Vec<PathBuf>> {
-    // B is drawn on A's clock and in A's frame.
+    // The offset of A's clock is zero by definition.
     let clocks = [(&args.a, 'A', 0.0), (&args.b, 'B', comparison.offset_s)];
     let mut traces = Vec::new();
     // Plots label a flight with its letter and its file name.

@@ -26,11 +26,13 @@ pub(super) struct ComparePhotoArgs {
     output: PathBuf,
 }
 
-/// Longer side, in pixels, to which larger photographs are scaled down for the comparison.
+/// Longer side, in pixels, to which larger photographs are scaled down for the comparison. It keeps
+/// strokes of a few pixels, and FLIP takes seconds.
 const LONGEST_PX: u32 = 2048;
 
-/// Runs the verb `compare-photo`, which lays a render over a photograph by their letters, and
-/// reports how far the letters and the pixels differ (FLIP).
+/// Runs the verb `compare-photo`, which lays a render over a photograph by their letters, writes
+/// three pictures, and reports how far the letters and the pixels differ (FLIP). Warns if the two
+/// pictures read as different words.
 pub(super) fn run(args: &ComparePhotoArgs) -> Result<Report> {
     let (render, photo) = (photo::read(&args.render)?, photo::read(&args.photo)?);
     let photo = shrink(photo, LONGEST_PX);
@@ -43,14 +45,14 @@ pub(super) fn run(args: &ComparePhotoArgs) -> Result<Report> {
         warn([format!("the render reads as {rendered}, the photograph as {photographed}")]);
     }
     let transform = Similarity::between(&pairs);
-    let off_px2 = pairs.iter().map(|[a, b]| libm::pow(distance(transform.apply(*a), *b), 2.0));
-    let residual_px = (off_px2.sum::<f64>() / pairs.len() as f64).sqrt();
-    // FLIP is averaged over the pixels that the render covers.
+    let squares_px2 = pairs.iter().map(|[a, b]| libm::pow(distance(transform.apply(*a), *b), 2.0));
+    let residual_px = (squares_px2.sum::<f64>() / pairs.len() as f64).sqrt();
+    // FLIP is averaged over the pixels that the render covers, and drawn only there.
     let (laid, covered) = placed(&render, &transform, [photo.width_px, photo.height_px]);
     let mut difference = difference(&photo, &laid);
-    let mean = difference.mean(|index| covered[index]);
-    for (value, covered) in difference.values.iter_mut().zip(&covered) {
-        *value = if *covered { *value } else { 0.0 };
+    let mean_flip = difference.mean(|index| covered[index]);
+    for (value, is_covered) in difference.values.iter_mut().zip(&covered) {
+        *value = if *is_covered { *value } else { 0.0 };
     }
     let pictures = [
         ("overlay.png", overlay(&laid, &photo)),
@@ -63,7 +65,7 @@ pub(super) fn run(args: &ComparePhotoArgs) -> Result<Report> {
     let files = folder.keep()?;
     let product = json!({
         "photo_px": [photo.width_px, photo.height_px], "transform": transform,
-        "residual_px": residual_px, "mean_flip": mean,
+        "residual_px": residual_px, "mean_flip": mean_flip,
     });
     Ok(Report::with_layout(product, LAYOUT).with_files(&files))
 }

@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 
 use super::flags::{SceneFlags, set_word, typed_word};
-use super::letters::LetterFlags;
+use super::letters::{LetterFlags, LetterSize};
 use super::names::numbers;
 use super::outcome::Report;
 use super::output::Output;
@@ -52,18 +52,19 @@ pub(super) struct CoverageArgs {
 /// Runs the verb `coverage`, which maps where base stations see a drone or, for ranging, reports
 /// the error bound along the word. The map is written as SVG.
 pub(super) fn run(args: &CoverageArgs) -> Result<Report> {
-    let mut scene = args.scene.load(&[], &args.letters.settings(false, false))?;
+    let mut scene = args.scene.load(&[], &args.letters.settings(LetterSize::Fitted))?;
     if let Some(word) = typed_word(args.word.as_ref(), args.as_word.as_ref())? {
         set_word(&mut scene, word);
     }
-    // Ranging yields an error bound along the word, and Lighthouse a map of the word's plane.
+    // Ranging yields an error bound along the word, and Lighthouse yields a map of the word's
+    // plane.
     if scene.sensors.positioning.is_by_ranges() {
         return along_the_word(args, scene);
     }
     let word = scene.has_strokes().then(|| scene.strokes()).transpose()?;
     let word_m = word.map(|strokes| strokes.bounds_m());
-    /// Returns the word's bounds (left, bottom, right, top) in m with a margin, but not below the
-    /// floor.
+    /// Returns the word's bounds (left, bottom, right, top) in m, extended by a margin, but not
+    /// below the floor.
     fn around([l, b, r, t]: [f64; 4]) -> [f64; 4] {
         [l - MARGIN_M, (b - MARGIN_M).max(0.0), r + MARGIN_M, t + MARGIN_M]
     }
@@ -77,15 +78,15 @@ pub(super) fn run(args: &CoverageArgs) -> Result<Report> {
 }
 
 /// Returns the report on the Cramér–Rao bound of the position error along the flights that write a
-/// word, and on the best position for an additional anchor. The map is written as SVG.
+/// word, and on the best position for an additional anchor. Writes the map as SVG.
 fn along_the_word(args: &CoverageArgs, scene: Scene) -> Result<Report> {
     let output = Output::create(&args.output)?;
     let shoot = Shoot::new(scene)?;
     let plans: Vec<&Plan> = shoot.plans.iter().map(|planned| &planned.plan).collect();
     let options = shoot.scene.sim();
     let bounds = bounds(&plans, &options)?;
-    let (place_m, better_m) = one_more_anchor(&plans, &options)?;
-    let picture = bound_map(&plans, &bounds, &options.sensors.uwb, place_m);
+    let (anchor_m, better_m) = one_more_anchor(&plans, &options)?;
+    let picture = bound_map(&plans, &bounds, &options.sensors.uwb, anchor_m);
     let path = output.keep(picture)?;
 
     // Letters are numbered as in the plan, which counts glyphs but not spaces.
@@ -93,9 +94,10 @@ fn along_the_word(args: &CoverageArgs, scene: Scene) -> Result<Report> {
     let strokes = shoot.strokes.iter();
     for (letter, glyph) in strokes.clone().flat_map(|strokes| &strokes.glyphs).enumerate() {
         // In a drawing, the strokes of each color are treated as a letter.
-        let name = match strokes.clone().any(|strokes| !strokes.word.is_empty()) {
-            true => glyph.character.to_string(),
-            false => (letter + 1).to_string(),
+        let name = if strokes.clone().any(|strokes| !strokes.word.is_empty()) {
+            glyph.character.to_string()
+        } else {
+            (letter + 1).to_string()
         };
         for (drone, bound) in (1..).zip(&bounds) {
             if let Some(sigma_m) = writing_sigma_m(std::slice::from_ref(bound), Some(letter)) {
@@ -105,7 +107,7 @@ fn along_the_word(args: &CoverageArgs, scene: Scene) -> Result<Report> {
     }
     let product = json!({
         "bound_m": writing_sigma_m(&bounds, None), "letters": letters,
-        "one_more_anchor": { "position_m": place_m, "bound_m": better_m },
+        "one_more_anchor": { "position_m": anchor_m, "bound_m": better_m },
     });
     Ok(Report::with_layout(product, BOUNDS).with_files(&[path]))
 }
@@ -124,9 +126,10 @@ advice    one more anchor that all drones hear helps most at ({one_more_anchor.p
 ";
 
 /// Returns the report on a coverage map of base stations within `bounds_m` (left, bottom, right,
-/// top).
+/// top): the fraction of points that two stations see, quantiles of the error there, and the number
+/// of points for each number of stations.
 fn coverage_report(grid: &Coverage, n_stations: usize, bounds_m: [f64; 4]) -> Report {
-    // `errors_m` contains the sorted errors at points that two stations see, if any.
+    // The errors are sorted, and there are none if no point is seen by two stations.
     let errors_m = grid.errors_m();
     let quantile_m =
         |percent: usize| Some(errors_m[errors_m.len().checked_sub(1)? * percent / 100]);
@@ -162,7 +165,7 @@ mirrors   show a station a second time at {reflected} points
 
 ";
 
-/// Parses the left, bottom, right and top of a rectangle.
+/// Parses the left, bottom, right and top of a rectangle in m. Returns a message for other texts.
 fn rectangle(text: &str) -> std::result::Result<[f64; 4], String> {
     numbers(text, &[','])
         .ok_or_else(|| "wanted left,bottom,right,top in meters, such as -1,0,1,2".to_owned())

@@ -42,39 +42,41 @@ const LISTS: [&str; 4] = [
 /// Folder of installed drivers on Windows, below `SystemRoot`.
 const DRIVER_STORE: &str = r"System32\DriverStore\FileRepository";
 
-/// Returns the backend for the exposure. [`BackendChoice::Auto`] selects the CPU if the graphics
-/// driver hangs or crashes.
+/// Returns the backend for the exposure. [`BackendChoice::Auto`] becomes the CPU, with a note, if
+/// the graphics driver hangs or crashes. Tests the driver in a separate process unless the cache
+/// contains a result, and caches the result.
 ///
 /// # Errors
 ///
 /// [`Error::Gpu`] if the graphics backend was requested by name and its driver hangs or crashes.
-#[expect(clippy::disallowed_methods, reason = "what this program remembers in its own folder")]
+#[expect(clippy::disallowed_methods, reason = "a small file in this program's own folder")]
 pub(super) fn tried(choice: BackendChoice) -> Result<BackendChoice> {
     if choice == BackendChoice::Cpu {
         return Ok(choice);
     }
-    let memory = memory();
-    let known = memory.as_deref().and_then(|path| std::fs::read_to_string(path).ok());
-    let fault = known.map(|text| text.trim().to_owned()).unwrap_or_else(|| {
+    let cache = cache_file();
+    let cached = cache.as_deref().and_then(|path| std::fs::read_to_string(path).ok());
+    let fault = cached.map(|text| text.trim().to_owned()).unwrap_or_else(|| {
         let program = super::started::program();
         let fault = program.ok().and_then(|mut program| fault(program.args(TRIAL), PATIENCE));
         let fault = fault.unwrap_or_default();
-        if let Some(path) = memory.as_ref().filter(|_| fault != UNTRIED) {
+        if let Some(path) = cache.as_ref().filter(|_| fault != UNTRIED) {
             // If the result cannot be cached, the driver is tested again in the next run.
             let _ = path.parent().map(std::fs::create_dir_all);
             let _ = std::fs::write(path, fault);
         }
         fault.to_owned()
     });
-    // If the driver is faulty, `auto` selects the CPU, and `--backend wgpu` fails.
-    let is_chosen = choice == BackendChoice::Wgpu;
-    if fault.is_empty() || is_chosen && fault == UNTRIED {
+    // If the driver is faulty, `auto` selects the CPU, and `--backend wgpu` fails. A driver that
+    // could not be tested is used only if it was requested by name.
+    let is_requested = choice == BackendChoice::Wgpu;
+    if fault.is_empty() || is_requested && fault == UNTRIED {
         return Ok(choice);
     }
-    let again = memory
+    let again = cache
         .filter(|_| fault != UNTRIED)
         .map_or_else(String::new, |path| format!("; remove {} to try again", path.display()));
-    if is_chosen {
+    if is_requested {
         let hint = format!("choose the CPU, which computes the same bits{again}");
         return Err(Error::Gpu { what: format!("its driver {fault}"), hint });
     }
@@ -85,8 +87,8 @@ pub(super) fn tried(choice: BackendChoice) -> Result<BackendChoice> {
 }
 
 /// Runs the test process, and returns `crashes` or `hangs` if the driver does so, [`UNTRIED`] if
-/// the process cannot be started, and `None` otherwise. A missing driver and an error that the
-/// driver reports are no faults.
+/// the process cannot be started, and `None` otherwise. A process that runs longer than `patience`
+/// is killed. A missing driver and an error that the driver reports are no faults.
 fn fault(trial: &mut Command, patience: Duration) -> Option<&'static str> {
     // The loop polls, because std cannot wait for a process with a time limit.
     let quiet = trial.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
@@ -112,9 +114,9 @@ fn ended_by_itself(code: Option<i32>) -> bool {
     matches!(code, Some(0 | 2))
 }
 
-/// Returns the user's cache folder on an operating system, from its environment variables, or
-/// `None` if these are not set.
-fn cache(system: &str, variable: impl Fn(&str) -> Option<OsString>) -> Option<PathBuf> {
+/// Returns the user's cache folder on an operating system, from the environment variables that
+/// `variable` returns, or `None` if these are not set.
+fn cache_folder(system: &str, variable: impl Fn(&str) -> Option<OsString>) -> Option<PathBuf> {
     if let Some(folder) = variable("XDG_CACHE_HOME") {
         return Some(folder.into());
     }
@@ -125,19 +127,21 @@ fn cache(system: &str, variable: impl Fn(&str) -> Option<OsString>) -> Option<Pa
     }
 }
 
-/// Returns the path of the file that remembers the result for the installed drivers. Its name is a
-/// digest of everything that changes when drivers change.
+/// Returns the path of the file that stores the result for the installed drivers, or `None` if
+/// there is no cache folder. Its name contains a digest of everything that changes when drivers
+/// change.
 #[expect(clippy::disallowed_methods, reason = "a file of the kernel")]
-fn memory() -> Option<PathBuf> {
+fn cache_file() -> Option<PathBuf> {
     let variable = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
-    let folder = cache(std::env::consts::OS, variable)?;
-    // The text to digest begins with what selects a driver: the variables and the kernel.
+    let folder = cache_folder(std::env::consts::OS, variable)?;
+    // The text to digest begins with what selects a driver: this program's version, the variables
+    // and the kernel.
     let mut drivers = env!("CARGO_PKG_VERSION").to_owned();
     for name in VARIABLES {
         drivers += &format!("\n{name}={:?}", variable(name));
     }
     drivers += &std::fs::read_to_string("/proc/sys/kernel/osrelease").unwrap_or_default();
-    // It goes on with size and time of every driver list, sorted because folders have no order.
+    // The sizes and times of all driver lists follow, sorted because folders have no order.
     let store = variable("SystemRoot").map(|windows| Path::new(&windows).join(DRIVER_STORE));
     for place in LISTS.into_iter().map(PathBuf::from).chain(store) {
         let entries = std::fs::read_dir(&place).into_iter().flatten().flatten();
@@ -150,6 +154,7 @@ fn memory() -> Option<PathBuf> {
         lists.sort();
         drivers.extend(lists);
     }
+    // 64 bits of the digest are enough to distinguish states of the drivers.
     let key = &sha256(drivers.as_bytes())[..16];
     Some(folder.join("noctograph").join(format!("driver-{key}")))
 }
@@ -170,13 +175,13 @@ mod tests {
         let windows = |name: &str| (name == "LOCALAPPDATA").then(|| "C:/Local".into());
         let unix = |name: &str| (name == "HOME").then(|| "/home/me".into());
         let named = |name: &str| Some(format!("/{name}").into());
-        assert_eq!(cache("windows", windows), Some("C:/Local".into()));
-        assert_eq!(cache("macos", unix), Some("/home/me/Library/Caches".into()));
-        assert_eq!(cache("linux", unix), Some("/home/me/.cache".into()));
+        assert_eq!(cache_folder("windows", windows), Some("C:/Local".into()));
+        assert_eq!(cache_folder("macos", unix), Some("/home/me/Library/Caches".into()));
+        assert_eq!(cache_folder("linux", unix), Some("/home/me/.cache".into()));
         for system in ["windows", "macos", "linux"] {
-            assert_eq!(cache(system, named), Some("/XDG_CACHE_HOME".into()), "{system}");
+            assert_eq!(cache_folder(system, named), Some("/XDG_CACHE_HOME".into()), "{system}");
         }
-        assert_eq!(cache("linux", windows), None);
+        assert_eq!(cache_folder("linux", windows), None);
     }
 
     #[cfg(unix)]

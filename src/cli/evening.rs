@@ -6,30 +6,63 @@ use super::flags::warn_of;
 use super::outcome::{Report, shell_word};
 use super::output::OutputFolder;
 use super::studies::{counter, shortened};
-use super::terminal::warn;
 use crate::error::Result;
 use crate::logs::{ImportOptions, logs_in};
 use crate::report::evening_page;
 use crate::scene::Scene;
 use crate::studies::{Conditions, Evening, MeanDrone};
 use crate::vehicle::VehicleOptions;
-use serde_json::json;
+use serde_json::{Value, json};
 
 /// Imports a folder of logs, and reports the drones' parameters and the conditions of the flights.
-/// Writes a page, and a file of conditions if at least one log is valid.
+/// Writes a page, and a file of conditions if at least one log is valid. Warns of files that are
+/// not logs.
 pub(super) fn run(
     folder: &Path,
     scene: &Scene,
     options: &ImportOptions,
     output: &Path,
 ) -> Result<Report> {
+    let evening = imported(folder, scene, options)?;
+    // The conditions are parsed with the parser of studies before they are written, so that a file
+    // that no study can read is never written.
+    let mut written = OutputFolder::create(output)?;
+    let (conditions, mean) = (evening.conditions(), evening.mean_drone(scene));
+    let toml = evening.conditions_toml(&conditions);
+    Conditions::parse(&toml, CONDITIONS)?;
+    let mut advice = mean.as_ref().map_or(Vec::new(), |mean| drone_advice(mean, &scene.vehicle));
+    // A study under these conditions needs at least one valid flight.
+    let has_conditions = !conditions.is_empty();
+    if has_conditions {
+        let file = shell_word(&output.join(CONDITIONS));
+        advice.push(format!(
+            "fly as on this evening: `noctograph preview WORD --spread 20 --conditions {file}`"
+        ));
+    }
+    let mut words = words(&evening);
+    words["folder"] = folder.display().to_string().into();
+    words["advice"] = advice.into();
+    words["none"] = (!has_conditions).then_some("none of the logs is valid").into();
+    let product = json!({ "logs": evening.logs, "conditions": conditions, "mean_drone": mean });
+    let report = Report::with_words(product, &words, LAYOUT);
+    let title = format!("Evening of {}", folder.file_name().unwrap_or_default().to_string_lossy());
+    let page = evening_page(&title, &evening, &report.text, &toml);
+    written.write("evening.html", page.html())?;
+    if has_conditions {
+        written.write(CONDITIONS, toml)?;
+    }
+    Ok(report.with_files(&written.keep()?))
+}
+
+/// Name of the conditions file.
+const CONDITIONS: &str = "conditions.toml";
+
+/// Imports the logs of a folder, and prints their warnings. Warns of files that are not logs.
+fn imported(folder: &Path, scene: &Scene, options: &ImportOptions) -> Result<Evening> {
     let (logs, others) = logs_in(folder)?;
     if !others.is_empty() {
-        warn([format!(
-            "{}: these files are not logs and were not read: {}",
-            folder.display(),
-            others.join(", ")
-        )]);
+        let text = format!("these files are not logs and were not read: {}", others.join(", "));
+        warn_of(folder, &[text]);
     }
     let bar = counter("reading", logs.len());
     let evening = Evening::import(folder, options, scene, &bar)?;
@@ -37,42 +70,23 @@ pub(super) fn run(
     for log in &evening.logs {
         warn_of(Path::new(&log.log), &log.warnings);
     }
-    // The conditions are parsed with the parser of studies before they are written, so that a file
-    // that no study can read is never written.
-    let mut written = OutputFolder::create(output)?;
-    let (rows, mean) = (evening.conditions(), evening.mean_drone(scene));
-    let toml = evening.conditions_toml(&rows);
-    Conditions::parse(&toml, "conditions.toml")?;
-    let file = shell_word(&output.join("conditions.toml"));
-    let mut advice = mean.map_or(Vec::new(), |mean| advice_of(&mean, &scene.vehicle));
-    if !rows.is_empty() {
-        advice.push(format!(
-            "fly as on this evening: `noctograph preview WORD --spread 20 --conditions {file}`"
-        ));
-    }
-    // Flawed logs are listed, but do not contribute to the conditions.
+    Ok(evening)
+}
+
+/// Returns the values of the logs that appear only in the text. Logs that are not valid are listed
+/// with their flaws, and do not contribute to the conditions.
+fn words(evening: &Evening) -> Value {
     let flawed = evening.logs.iter().filter(|log| !log.flaws.is_empty()).map(|log| {
         let flaws: Vec<String> = log.flaws.iter().map(ToString::to_string).collect();
         json!({ "log": log.log, "flaws": flaws.join("; ") })
     });
     let names: Vec<&str> = evening.logs.iter().map(|log| log.log.as_str()).collect();
-    let words = json!({
-        "folder": folder.display().to_string(), "n_logs": evening.logs.len(), "advice": advice,
-        // File names are shortened so that the rows fit into 80 columns.
-        "n_sound": evening.sound().count(), "files": shortened(&names, 16),
+    json!({
+        "n_logs": evening.logs.len(), "n_sound": evening.sound().count(),
         "flawed": flawed.collect::<Vec<_>>(),
-        "none": rows.is_empty().then_some("none of the logs is valid"),
-    });
-    let product = json!({ "logs": evening.logs, "conditions": rows, "mean_drone": mean });
-    let report = Report::with_words(product, &words, LAYOUT);
-    let title = format!("Evening of {}", folder.file_name().unwrap_or_default().to_string_lossy());
-    let page = evening_page(&title, &evening, &report.text, &toml);
-    written.write("evening.html", page.html())?;
-    // A study under these conditions needs at least one valid flight.
-    if !rows.is_empty() {
-        written.write("conditions.toml", toml)?;
-    }
-    Ok(report.with_files(&written.keep()?))
+        // File names are shortened so that the rows fit into 80 columns.
+        "files": shortened(&names, 16),
+    })
 }
 
 const LAYOUT: &str = "\
@@ -90,8 +104,9 @@ conditions  none: {none}
 *advice advice    {}
 ";
 
-/// Returns advice on scene settings in which the mean drone of the logs differs from the scene's.
-fn advice_of(mean: &MeanDrone, vehicle: &VehicleOptions) -> Vec<String> {
+/// Returns advice on the scene settings in which the mean drone of the logs differs from the
+/// scene's drone: the thrust and the center of mass.
+fn drone_advice(mean: &MeanDrone, vehicle: &VehicleOptions) -> Vec<String> {
     let MeanDrone { k_f_n, center_of_mass_m: [x, y], .. } = *mean;
     let (percent, x_mm, y_mm) = (100.0 * (k_f_n / vehicle.k_f_n - 1.0), 1e3 * x, 1e3 * y);
     let thrust = format!(
@@ -102,7 +117,8 @@ fn advice_of(mean: &MeanDrone, vehicle: &VehicleOptions) -> Vec<String> {
         "your drones' center of mass is at ({x_mm:+.1}, {y_mm:+.1}) mm: \
          `--set vehicle.center_of_mass_m=[{x:.4},{y:.4}]`"
     );
-    // Where the logs show no significant difference, the mean drone has exactly the scene's value.
-    let is_off = [k_f_n != vehicle.k_f_n, [x, y] != vehicle.center_of_mass_m];
-    is_off.into_iter().zip([thrust, trim]).filter_map(|(is, said)| is.then_some(said)).collect()
+    // If the logs show no significant difference, the mean drone has exactly the scene's value.
+    let thrust = (k_f_n != vehicle.k_f_n).then_some(thrust);
+    let trim = ([x, y] != vehicle.center_of_mass_m).then_some(trim);
+    thrust.into_iter().chain(trim).collect()
 }

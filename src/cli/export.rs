@@ -51,38 +51,22 @@ pub(super) struct ExportArgs {
 /// Runs the verb `export`, which checks a flight and writes it in a drone's or show's format.
 /// Nothing is written if the check stops the flight, unless `--unchecked` is given.
 pub(super) fn run(args: &ExportArgs) -> Result<Report> {
-    // The default tolerance depends on the form of the exported trajectory.
-    let trajectory = args.to.trajectory(args.mode.unwrap_or_default());
-    let form = trajectory.map_or(Form::Compressed, |(form, _)| form);
-    let tolerance_mm = args.tolerance.unwrap_or(MM_PER_M * form.tolerance_m());
-    crate::error::within("--tolerance", tolerance_mm, TOLERANCES_MM[0], TOLERANCES_MM[1])?;
-    let tolerance_m = tolerance_mm / MM_PER_M;
-    let (release, mode) = (Cell::new(Release::MODELED), Cell::new(Mode::default()));
-    let shoot = args.subject.shoot(
-        |scene| {
-            release.set(scene.vehicle.firmware);
-            let slow = args.profile.limits(&args.subject);
-            mode.set(make_exportable(scene, slow.as_ref(), args.to, args.mode)?);
-            Ok(())
-        },
-        &|plans| match trajectory {
-            Some((form, Length::OnBoard)) => check_memory(release.get(), plans, form, tolerance_m),
-            _ => Ok(()),
-        },
-    )?;
+    let (tolerance_m, (shoot, mode)) = (tolerance_m(args)?, shoot(args)?);
     // `check` judges exactly what the files fly. If it stops the flight, nothing is written.
     let profile = args.profile.profile(&shoot.scene);
     if args.to.flies() && !args.unchecked {
         check_room(args, &profile)?;
     }
     let plans: Vec<Plan> = shoot.plans.iter().map(|planned| planned.plan.clone()).collect();
-    let (format, mode, is_unchecked) = (args.to, mode.get(), args.unchecked);
+    let (format, is_unchecked) = (args.to, args.unchecked);
     let options = ExportOptions { format, mode, tolerance_m, profile, is_unchecked };
     let checked = CheckedExport::new(shoot, options)?;
     let word = checked.word();
-    let stops = match args.to.flies() {
-        true => warned(args, checked.flies(), &checked.findings),
-        false => None,
+    let stops = if args.to.flies() {
+        warn_of_behavior(args, checked.flies(), &checked.findings);
+        findings::stops(&checked.findings)
+    } else {
+        None
     };
     let mut product = json!({
         "word": word, "format": args.to.name(), "drones": plans.len(), "stops": stops,
@@ -97,24 +81,59 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     product["note"] = args.to.note().into();
     product["deviation_mm"] = deviation_m.map(|m| MM_PER_M * m).into();
     if args.to.stays_in_the_air() {
-        for plan in &plans {
-            let [begins_m, ends_m] = end_heights_m(plan)?;
-            warn([format!(
-                "the trajectory begins {begins_m:.2} m and ends {ends_m:.2} m above the floor, \
-                 where the drone hovers until it receives a landing command or its battery is \
-                 empty: send the take-off and landing commands yourself, or fly the script for \
-                 cflib"
-            )]);
-        }
+        plans.iter().try_for_each(warn_of_hovering)?;
     }
-    if deviation_m.is_some_and(|off_m| off_m > 2.0 * tolerance_m) {
+    // A fit to a smooth design stays within the tolerance.
+    if deviation_m.is_some_and(|deviation_m| deviation_m > 2.0 * tolerance_m) {
         warn(["the design has jumps; plan with --style even for a smooth design"]);
     }
     Ok(Report::with_layout(product, EXPORTED).with_files(&paths))
 }
 
+/// Returns the tolerance in m of a trajectory, whose default depends on the form of the trajectory.
+fn tolerance_m(args: &ExportArgs) -> Result<f64> {
+    let trajectory = args.to.trajectory(args.mode.unwrap_or_default());
+    let form = trajectory.map_or(Form::Compressed, |(form, _)| form);
+    let tolerance_mm = args.tolerance.unwrap_or(MM_PER_M * form.tolerance_m());
+    crate::error::within("--tolerance", tolerance_mm, TOLERANCES_MM[0], TOLERANCES_MM[1])?;
+    Ok(tolerance_mm / MM_PER_M)
+}
+
+/// Returns the shoot of the word or the plans, in a scene that the format can express, and the mode
+/// in which a script flies it. Returns the error of a trajectory that does not fit into the drone's
+/// memory before the flight is simulated.
+fn shoot(args: &ExportArgs) -> Result<(Shoot, Mode)> {
+    let (release, mode) = (Cell::new(Release::MODELED), Cell::new(Mode::default()));
+    let trajectory = args.to.trajectory(args.mode.unwrap_or_default());
+    let tolerance_m = tolerance_m(args)?;
+    let shoot = args.subject.shoot(
+        |scene| {
+            release.set(scene.vehicle.firmware);
+            let slow = args.profile.limits(&args.subject);
+            mode.set(make_exportable(scene, slow.as_ref(), args.to, args.mode)?);
+            Ok(())
+        },
+        &|plans| match trajectory {
+            Some((form, Length::OnBoard)) => check_memory(release.get(), plans, form, tolerance_m),
+            _ => Ok(()),
+        },
+    )?;
+    Ok((shoot, mode.get()))
+}
+
+/// Warns that the drone hovers before and after the trajectory of a plan.
+fn warn_of_hovering(plan: &Plan) -> Result<()> {
+    let [begins_m, ends_m] = end_heights_m(plan)?;
+    warn([format!(
+        "the trajectory begins {begins_m:.2} m and ends {ends_m:.2} m above the floor, where the \
+         drone hovers until it receives a landing command or its battery is empty: send the \
+         take-off and landing commands yourself, or fly the script for cflib"
+    )]);
+    Ok(())
+}
+
 /// Writes one file, or a folder with several files. By default, the folder is named after the word.
-/// Returns the paths.
+/// A single file is written into `output` if that is a folder. Returns the paths.
 fn written(files: &[File], output: Option<&Path>, word: &str) -> Result<Vec<PathBuf>> {
     if let [file] = files {
         let path = output.unwrap_or(file.name.as_ref());
@@ -133,7 +152,8 @@ fn written(files: &[File], output: Option<&Path>, word: &str) -> Result<Vec<Path
     folder.keep()
 }
 
-/// Smallest and largest tolerance in mm of a trajectory that is fitted to a plan.
+/// Smallest and largest tolerance in mm of a trajectory that is fitted to a plan. Rounding to whole
+/// millimeters in the compressed form already causes an error of up to 0.5 mm.
 const TOLERANCES_MM: [f64; 2] = [0.5, 1000.0];
 
 const REFUSED: &str = "\
@@ -160,19 +180,18 @@ fn check_room(args: &ExportArgs, profile: &Profile) -> Result<()> {
     Err(Error::input(plan.display(), actual, wanted, hint))
 }
 
-/// Prints the warnings about an exported flight that change how the files behave, and returns the
-/// findings that stop it, if any.
-fn warned(args: &ExportArgs, shoot: &Shoot, checks: &[Diagnostic]) -> Option<String> {
+/// Warns if the files of a flight behave differently than the user may expect.
+fn warn_of_behavior(args: &ExportArgs, shoot: &Shoot, checks: &[Diagnostic]) {
     if !shoot.designs.is_empty() {
         warn_of_trailing(shoot);
     }
     // Only two warnings of `check` are repeated here, because they concern problems that change how
     // the files behave.
-    let plays = args.to == Format::Cflib && args.mode == Some(Mode::Trajectory);
+    let is_on_board = args.to == Format::Cflib && args.mode == Some(Mode::Trajectory);
     for check in checks.iter().filter(|check| check.severity == Severity::Warning) {
         match check.code {
             PICTURE => warn([check.sentence(mentioned)]),
-            LED_MEMORY if plays => warn([format!(
+            LED_MEMORY if is_on_board => warn([format!(
                 "the lights would use {} of the LED timing memory, so the script sends them over \
                  the radio",
                 check.message
@@ -180,7 +199,6 @@ fn warned(args: &ExportArgs, shoot: &Shoot, checks: &[Diagnostic]) -> Option<Str
             _ => {}
         }
     }
-    findings::stops(checks)
 }
 
 /// Warns if the controller does not follow the motion of a trajectory, but only its positions.

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use super::advice::mentioned;
 use super::device::tried;
 use super::flags::{SceneFlags, SeedFlag, set_word, warn_of};
-use super::flight_flags::{FlightFlags, light_if_dark, note};
+use super::flight_flags::{FlightFlags, LogLights, light_if_dark, note};
 use super::follow::{Letters, begun, follow};
 use super::names::named;
 use super::outcome::Report;
@@ -69,7 +69,7 @@ pub(super) fn run(args: &ExposeArgs) -> Result<Report> {
     let developer = Developer::start(tried(args.picture.backend)?);
     let (scene, format) = (args.scene()?, args.format()?);
     let output = Output::create(&args.output)?;
-    let shoot = args.flight.shoot(scene, args.word.as_deref(), &args.flights, args.lit)?;
+    let shoot = args.flight.shoot(scene, args.word.as_deref(), &args.flights, args.lights())?;
     // `expose` does not judge the photo, which is the task of `score`.
     let (format, judging) = (Some(format), Judging::Skipped);
     let shoot = Shoot { format, judging, keeps_film: false, ..shoot };
@@ -79,7 +79,8 @@ pub(super) fn run(args: &ExposeArgs) -> Result<Report> {
 }
 
 /// Photographs logs while they grow, and rewrites the photo with their new light until all flights
-/// have ended. Returns the report on the last photo.
+/// have ended. With a plan, prints the reading of each letter when it is complete. Returns the
+/// report on the last photo.
 fn follow_logs(args: &ExposeArgs) -> Result<Report> {
     if !Output::create(&args.output)?.is_staged() {
         let hint = "name an output file, which is rewritten while the logs grow";
@@ -93,7 +94,8 @@ fn follow_logs(args: &ExposeArgs) -> Result<Report> {
     let plan = args.plan.as_deref();
     let mut letters = plan.map(|plan| Letters::new(plan, &scene, logs.len())).transpose()?;
     let (mut film, mut noted) = (GrowingFilm::default(), BTreeSet::new());
-    // With a single thread, the measured duration of the work equals the processor time it takes.
+    // With a single thread, the measured duration of the work equals the processor time it takes,
+    // from which `follow` sets the interval of the photos. Without the thread, any thread works.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().ok();
     let (shot, path) = follow(logs, |logs| {
         let shoot = args.shoot_logs(scene.clone(), logs, &mut noted)?;
@@ -133,12 +135,17 @@ impl ExposeArgs {
         Ok(scene)
     }
 
+    fn lights(&self) -> LogLights {
+        if self.lit { LogLights::AlwaysOn } else { LogLights::Inferred }
+    }
+
     fn format(&self) -> Result<Format> {
         self.format.map_or_else(|| Format::from_path(&self.output), Ok)
     }
 
-    /// Returns the shoot of the samples that the growing logs contain so far. `noted` contains the
-    /// notes that were already printed, so that each is printed once.
+    /// Returns the shoot of the samples that the growing logs contain so far, and prints notes on
+    /// inferred lights. `noted` contains the notes that were already printed, so that each is
+    /// printed once.
     fn shoot_logs(
         &self,
         mut scene: Scene,
@@ -148,7 +155,7 @@ impl ExposeArgs {
         let mut recordings = Vec::new();
         for (log, path) in logs.iter().zip(&self.flights) {
             let mut flight = log.flight(&self.flight.options(Some(&scene)))?.flight;
-            let text = light_if_dark(&mut flight, &mut scene, path, self.lit)?;
+            let text = light_if_dark(&mut flight, &mut scene, path, self.lights())?;
             text.filter(|text| noted.insert(text.clone())).into_iter().for_each(note);
             recordings.push(Recording::Flight(flight));
         }
@@ -157,8 +164,8 @@ impl ExposeArgs {
         Ok(Shoot { format, judging: Judging::Skipped, keeps_film: false, ..shoot })
     }
 
-    /// Prints warnings about a shot, and returns the report on its camera and files. `path` is the
-    /// photo's file.
+    /// Prints warnings about a shot, and a note if its photo contains no word. Returns the report
+    /// on its camera and files. `path` is the photo's file.
     fn report(&self, shot: Shot, path: PathBuf) -> Report {
         warn(shot.problems.iter().map(|problem| problem.sentence(mentioned)));
         // A light trace contains its own colors and needs no word. It yields no flights.

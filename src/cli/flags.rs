@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::letters::LetterFlags;
+use super::letters::{LetterFlags, LetterSize};
 use super::names::{Setting, names};
 use super::outcome::shell_word;
 use super::output::{drone_number, is_csv};
@@ -17,7 +17,8 @@ use crate::shoot::{DesignCheck, Shoot};
 use clap::Args;
 use noctograph_core::files::{Limit, file_name, files_in, is_file_name};
 
-/// Limit on the total size of plans that fly together. An hour of flight takes about 6 MB.
+/// Limit on the total size of plans that fly together. The plan of an hour of flight is about 6 MB
+/// large.
 const PLANS: Limit = Limit {
     bytes: 64 << 20,
     what: "plans",
@@ -97,10 +98,12 @@ impl SceneFlags {
         }
     }
 
+    /// Returns true if `--scene` names a scene.
     pub(super) fn is_given(&self) -> bool {
         self.scene.is_some()
     }
 
+    /// Returns true if `--set` sets a key.
     pub(super) fn sets(&self, key: &str) -> bool {
         self.set.set.iter().any(|(typed, _)| typed == key)
     }
@@ -182,7 +185,8 @@ impl DesignFlags {
     /// Returns the scene of files, or the named one, with the settings of these and of other flags
     /// (`more`), and with the word fitted to the room.
     pub(super) fn load(&self, files: &[PathBuf], more: &[Setting]) -> Result<Scene> {
-        let mut scene = self.unfitted(self.scene.carried(files)?.as_ref(), false, more)?;
+        let carried = self.scene.carried(files)?;
+        let mut scene = self.unfitted(carried.as_ref(), Design::Unplanned, more)?;
         self.fit(&mut scene)?;
         Ok(scene)
     }
@@ -197,17 +201,25 @@ impl DesignFlags {
         }
     }
 
-    /// Returns the scene with the settings of these and of other flags, before its letters are
-    /// fitted to the room. `is_planned` is true if the letters are those of finished plans.
+    /// Returns the scene with the settings of these and of other flags (`more`), before its letters
+    /// are fitted to the room. If the scene has a room, stations hang in its corners unless the
+    /// scene places them.
     fn unfitted(
         &self,
         carried: Option<&CarriedScene>,
-        is_planned: bool,
+        design: Design,
         more: &[Setting],
     ) -> Result<Scene> {
+        let is_planned = design == Design::Planned;
+        let size = if is_planned {
+            LetterSize::Kept
+        } else if self.scene.sets("letters.cap_height_m") {
+            LetterSize::Typed
+        } else {
+            LetterSize::Fitted
+        };
         // Settings from --set are applied last, so that they override the other flags.
-        let is_height_typed = self.scene.sets("letters.cap_height_m");
-        let mut settings = self.letters.settings(is_planned, is_height_typed);
+        let mut settings = self.letters.settings(size);
         settings.extend(self.style.iter().map(|style| ("plan.style".to_owned(), style.clone())));
         settings.extend(self.drones.iter().map(|n| ("plan.drones".to_owned(), n.to_string())));
         settings.extend_from_slice(more);
@@ -223,6 +235,15 @@ impl DesignFlags {
         }
         Ok(scene)
     }
+}
+
+/// State of a scene's design.
+#[derive(Clone, Copy, PartialEq)]
+enum Design {
+    /// A word or a drawing that is still to be planned, or that was flown in a log.
+    Unplanned,
+    /// Finished plans, which determine the letters.
+    Planned,
 }
 
 /// Flags that select the subject, which is a word or finished plans, and its scene.
@@ -246,15 +267,15 @@ impl SubjectFlags {
     /// Returns the scene of flights and logs, or of a word, with the word fitted to the room.
     pub(super) fn scene_of(&self, flights: &[PathBuf]) -> Result<Scene> {
         let carried = self.design.scene.carried(flights)?;
-        let mut scene = self.unfitted(carried.as_ref(), false)?;
+        let mut scene = self.unfitted(carried.as_ref(), Design::Unplanned)?;
         self.design.fit(&mut scene)?;
         Ok(scene)
     }
 
     /// Returns the scene as [`DesignFlags::unfitted`] does, with the seed and the word of the
-    /// flags. `is_planned` is true if the letters are those of finished plans.
-    fn unfitted(&self, carried: Option<&CarriedScene>, is_planned: bool) -> Result<Scene> {
-        let mut scene = self.design.unfitted(carried, is_planned, &[])?;
+    /// flags.
+    fn unfitted(&self, carried: Option<&CarriedScene>, design: Design) -> Result<Scene> {
+        let mut scene = self.design.unfitted(carried, design, &[])?;
         scene.seed = self.seed.seed.unwrap_or(scene.seed);
         if let Some(word) = &self.word {
             set_word(&mut scene, word);
@@ -271,7 +292,7 @@ impl SubjectFlags {
     pub(super) fn ready(&self, change: impl FnOnce(&mut Scene) -> Result<()>) -> Result<Scene> {
         // The word is set before the letters are fitted to the room, because the length of the word
         // determines the size of the letters.
-        let mut scene = self.unfitted(None, false)?;
+        let mut scene = self.unfitted(None, Design::Unplanned)?;
         change(&mut scene)?;
         match self.inputs.as_slice() {
             [] => {}
@@ -319,19 +340,24 @@ impl SubjectFlags {
         self.planned(change, |scene, strokes| Shoot::flown(scene, strokes, &|_| Ok(())))
     }
 
+    /// Returns the shoot of the word or the plans. `change` edits the scene last, and `plan` plans
+    /// a word. Warns if the flight is longer than the battery lasts, and if a word is written by
+    /// fewer drones or in smaller letters than requested.
     fn planned(
         &self,
         change: impl FnOnce(&mut Scene) -> Result<()>,
         plan: impl FnOnce(Scene, Strokes) -> Result<Shoot>,
     ) -> Result<Shoot> {
-        // Plans are flown in the scene that belongs to them, and in their room.
+        // Plans are flown in the scene that belongs to them, and in the room of that scene.
         if let Some(plans) = self.plans()? {
             let carried = self.design.scene.carried(&plans)?;
             if let Some(carried) = &carried {
                 let mut folders = self.inputs.iter().map(Path::new).filter(|path| path.is_dir());
                 folders.try_for_each(|folder| carried.check_folder(folder))?;
             }
-            let mut scene = self.unfitted(carried.as_ref(), carried.is_some())?;
+            // Without a scene beside them, plans are flown in a scene that is set up as for a word.
+            let design = if carried.is_some() { Design::Planned } else { Design::Unplanned };
+            let mut scene = self.unfitted(carried.as_ref(), design)?;
             if carried.is_none() {
                 self.design.fit(&mut scene)?;
             }
@@ -435,14 +461,14 @@ fn plans_in(input: &str) -> Result<Vec<PathBuf>> {
         files.into_iter().filter_map(|path| Some((drone_number(&path, "plan")?, path))).collect();
     plans.sort();
     // The sorted numbers must be 1, 2, 3 and so on.
-    if let Some((wanted, (_, other))) = (1..).zip(&plans).find(|(n, plan)| *n != plan.0) {
-        let (actual, wanted) = (file_name(other), format!("plan-{wanted}.csv first"));
+    if let Some((missing, (_, other))) = (1..).zip(&plans).find(|(n, (number, _))| n != number) {
+        let (actual, wanted) = (file_name(other), format!("plan-{missing}.csv first"));
         return Err(Error::input(input, actual, wanted, "name all plans that fly together"));
     }
-    match plans.is_empty() {
-        true => Ok(vec![input.into()]),
-        false => Ok(plans.into_iter().map(|(_, path)| path).collect()),
+    if plans.is_empty() {
+        return Ok(vec![input.into()]);
     }
+    Ok(plans.into_iter().map(|(_, path)| path).collect())
 }
 
 /// Warns if a drawing has no strokes for some of the drones.
@@ -460,7 +486,7 @@ fn warn_of_smaller_letters(shoot: &Shoot) {
     };
     let (asked_m, canvas_m) = (shoot.scene.letters.cap_height_m, shoot.scene.letters.canvas_m);
     let written_m = strokes.glyphs.first().map_or(asked_m, |glyph| glyph.cell.cap_height_m);
-    // A smaller difference is due to rounding.
+    // Fraction of the requested height above which the difference is due to rounding.
     const CLEARLY: f64 = 0.999;
     if let Some([width_m, height_m]) = canvas_m.filter(|_| written_m < CLEARLY * asked_m) {
         warn([format!(

@@ -105,14 +105,15 @@ impl FlightFlags {
         Ok(log)
     }
 
-    /// Returns the shoot of flights, logs or light traces, one for each drone. If a log contains no
-    /// lights, they are inferred from the scene's word, or always on if `lit` is true.
+    /// Reads flights, logs or light traces, one for each drone, and prints their warnings. Returns
+    /// their shoot. `lights` applies to logs that contain no lights. `word`, if any, replaces the
+    /// word of the scene.
     pub(super) fn shoot(
         &self,
         mut scene: Scene,
         word: Option<&str>,
         paths: &[PathBuf],
-        lit: bool,
+        lights: LogLights,
     ) -> Result<Shoot> {
         if let Some(word) = word {
             set_word(&mut scene, word);
@@ -125,7 +126,7 @@ impl FlightFlags {
             let Warned { product: mut recording, warnings } = Recording::read(path, &options)?;
             warn_of(path, &warnings);
             if let Recording::Flight(flight) = &mut recording {
-                light_if_dark(flight, &mut scene, path, lit)?.into_iter().for_each(note);
+                light_if_dark(flight, &mut scene, path, lights)?.into_iter().for_each(note);
             }
             recordings.push(recording);
             Shoot::check_recordings(&recordings)?;
@@ -134,28 +135,39 @@ impl FlightFlags {
     }
 }
 
+/// Lights that a log without lights is given.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum LogLights {
+    /// The lights of the scene's word, inferred from the log's setpoints.
+    Inferred,
+    /// All lamps lit from take-off to landing.
+    AlwaysOn,
+}
+
 /// Prints a note.
 pub(super) fn note(text: String) {
     message("note: ", &text);
 }
 
-/// Sets the lights of a log without lights to those of the scene's word, or to always on if `lit`
-/// is true. Returns the note of [`infer_lights_if_dark`], if any.
+/// Sets the lights of a log without lights as `lights` says. Returns the note of
+/// [`infer_lights_if_dark`], if any.
 pub(super) fn light_if_dark(
     flight: &mut Flight,
     scene: &mut Scene,
     path: &Path,
-    lit: bool,
+    lights: LogLights,
 ) -> Result<Option<String>> {
-    if lit && flight.lights.is_empty() {
-        crate::shoot::light_while_airborne(flight, scene);
-        return Ok(None);
+    if lights == LogLights::Inferred {
+        return infer_lights_if_dark(flight, scene, path);
     }
-    infer_lights_if_dark(flight, scene, path)
+    if flight.lights.is_empty() {
+        crate::shoot::light_while_airborne(flight, scene);
+    }
+    Ok(None)
 }
 
-/// Infers the lights of a log without lights from the scene's word. Returns a note if the setpoints
-/// match a preset's letters instead of the scene's.
+/// Infers the lights of a log without lights from the scene's word. If the setpoints match a
+/// preset's letters instead of the scene's, changes the scene to these letters and returns a note.
 pub(super) fn infer_lights_if_dark(
     flight: &mut Flight,
     scene: &mut Scene,

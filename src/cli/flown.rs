@@ -32,8 +32,8 @@ struct Letter {
     lit_s: f64,
 }
 
-/// Prepares the photo of a log with the scene of the previewed one (`promised`), which must have a
-/// single drone.
+/// Reads a log, prints its warnings, and returns its shoot in the scene of the previewed photo
+/// (`promised`). Returns [`Error::Input`] for a scene with several drones.
 pub(super) fn prepared(promised: &Shoot, log: &Path) -> Result<Shoot> {
     if promised.plans.len() != 1 {
         let actual = format!("{} drones", promised.plans.len());
@@ -48,24 +48,13 @@ pub(super) fn prepared(promised: &Shoot, log: &Path) -> Result<Shoot> {
 /// Compares the photo of a flight with the previewed photo, letter by letter. Returns the report
 /// and the notes for the page.
 pub(super) fn compare(promised: &Shot, flown: Shot) -> (Report, FlownNotes) {
-    let [of_promised, of_flown] = [promised, &flown].map(|shot| letters(shot, promised));
+    let [promised_letters, flown_letters] = [promised, &flown].map(|shot| letters(shot, promised));
     let expected = promised.verdict.iter().flat_map(|verdict| &verdict.letters);
     // Each letter has a row in the table and an object in the JSON.
     let (mut rows, mut pairs) = (Vec::new(), Vec::new());
-    for ((letter, a), b) in expected.zip(of_promised).zip(of_flown) {
-        let cell = |value: fn(&Letter) -> Option<f64>, digits| {
-            [&a, &b].map(|letter| rounded(value(letter), digits)).join(ARROW)
-        };
-        rows.push([
-            letter.expected.to_string(),
-            [&a, &b].map(|letter| letter.best.unwrap_or('-').to_string()).join(ARROW),
-            cell(|l| l.p, 2),
-            cell(|l| l.lag_s, 2),
-            cell(|l| Some(MM_PER_M * l.contour_m?), 0),
-            cell(|l| Some(MM_PER_M * l.drift_m?), 0),
-            cell(|l| Some(l.lit_s), 1),
-        ]);
-        pairs.push(json!({ "letter": letter.expected, "promised": a, "flown": b }));
+    for ((verdict, before), after) in expected.zip(promised_letters).zip(flown_letters) {
+        rows.push(row(verdict.expected, [&before, &after]));
+        pairs.push(json!({ "letter": verdict.expected, "promised": before, "flown": after }));
     }
     // A drawing has neither a verdict nor letters.
     let verdict = flown.verdict.as_ref();
@@ -87,6 +76,23 @@ pub(super) fn compare(promised: &Shot, flown: Shot) -> (Report, FlownNotes) {
     (report, FlownNotes { shot: flown, rows })
 }
 
+/// Returns a letter's row in the table: the letter, and its figures in the previewed and the flown
+/// photo, in the columns of [`HEAD`].
+fn row(expected: char, pair: [&Letter; 2]) -> [String; 7] {
+    let cell = |value: fn(&Letter) -> Option<f64>, digits| {
+        pair.map(|letter| rounded(value(letter), digits)).join(ARROW)
+    };
+    [
+        expected.to_string(),
+        pair.map(|letter| letter.best.unwrap_or('-').to_string()).join(ARROW),
+        cell(|l| l.p, 2),
+        cell(|l| l.lag_s, 2),
+        cell(|l| Some(MM_PER_M * l.contour_m?), 0),
+        cell(|l| Some(MM_PER_M * l.drift_m?), 0),
+        cell(|l| Some(l.lit_s), 1),
+    ]
+}
+
 /// Arrow from the previewed value to the flown one.
 const ARROW: &str = " → ";
 const HEAD: &str = "letter<8|reads as<10|P<13|lag/s<15|off path/mm<11|off plane/mm<11|lit/s<0";
@@ -99,8 +105,9 @@ fn rounded(value: Option<f64>, digits: usize) -> String {
     if is_zero { text.trim_start_matches('-').to_owned() } else { text }
 }
 
-/// Returns the letters of a photo with their reading and tracking errors. The flight followed the
-/// plan of the previewed photo (`promised`), from which its letters are known.
+/// Returns the letters of a photo with their reading and tracking errors, or none for a photo
+/// without a verdict. The flight followed the plan of the previewed photo (`promised`), which
+/// determines the letter at each time.
 fn letters(shot: &Shot, promised: &Shot) -> Vec<Letter> {
     let Some(verdict) = &shot.verdict else { return Vec::new() };
     let mut flight = shot.flights[0].clone();
@@ -121,7 +128,7 @@ fn letters(shot: &Shot, promised: &Shot) -> Vec<Letter> {
     letters.collect()
 }
 
-/// Returns the time in s for which the light of a letter, counted from 0, is on.
+/// Returns the time in s for which at least one light is on during a letter, counted from 0.
 fn lit_s(flight: &Flight, letter: usize) -> f64 {
     let pairs = flight.samples.windows(2).enumerate();
     let lit = pairs.filter(|(row, pair)| {

@@ -31,12 +31,13 @@ const PERIODS_OF_WORK: u32 = 4;
 /// because the radio delays the commands of the lamps.
 const AFTER_LETTER_S: f64 = 0.3;
 
-/// Waits until scripts have created their logs and written the heads, and returns the logs.
+/// Waits until scripts have created their logs and written the headers, and returns the logs.
+/// Prints a note about each log that is missing.
 pub(super) fn begun(paths: &[PathBuf]) -> Result<Vec<GrowingLog>> {
     let mut logs = Vec::new();
     for path in paths {
         if !path.exists() {
-            message("note: ", &format!("waits for {}", path.display()));
+            message("note: ", &format!("waiting for {}", path.display()));
         }
         // A script creates its log when its drone is ready to fly.
         while !path.exists() {
@@ -52,19 +53,20 @@ pub(super) fn begun(paths: &[PathBuf]) -> Result<Vec<GrowingLog>> {
     Ok(logs)
 }
 
-/// Reads logs while they grow, and repeatedly passes them to `frame`. Returns the result of the
-/// last call, which receives the complete logs.
+/// Reads logs while they grow, and passes them to `frame` at the intervals of [`PERIOD`] and
+/// [`PERIODS_OF_WORK`] if they have grown. Errors of `frame` are printed as notes. Returns the
+/// result of the last call, which receives the complete logs.
 pub(super) fn follow<T>(
     mut logs: Vec<GrowingLog>,
     mut frame: impl FnMut(&[GrowingLog]) -> Result<T>,
 ) -> Result<T> {
-    let (mut next, mut is_new, mut why) = (Instant::now(), true, String::new());
+    let (mut next, mut has_grown, mut why) = (Instant::now(), true, String::new());
     loop {
         for log in &mut logs {
-            is_new |= log.grow()?;
+            has_grown |= log.grow()?;
         }
         let has_ended = logs.iter().all(GrowingLog::has_ended);
-        if has_ended || (is_new && Instant::now() >= next) {
+        if has_ended || (has_grown && Instant::now() >= next) {
             let start = Instant::now();
             match frame(&logs) {
                 product if has_ended => return product,
@@ -76,7 +78,7 @@ pub(super) fn follow<T>(
                 _ => {}
             }
             next = start + PERIOD.max(PERIODS_OF_WORK * start.elapsed());
-            is_new = false;
+            has_grown = false;
         }
         std::thread::sleep(LOOK);
     }
@@ -114,8 +116,8 @@ impl Letters {
         Ok(Self { reader, plan, ends_s, n_told: 0 })
     }
 
-    /// Reads the photo and prints the reading, if letters were completed since the last call. Each
-    /// letter that was completed has a message.
+    /// Reads the photo if letters were completed since the last call, and prints a message for each
+    /// of them.
     pub(super) fn tell(&mut self, shot: &Shot) -> Result<()> {
         let n_complete = self.n_complete(&shot.flights[0]);
         if n_complete <= self.n_told {
@@ -136,8 +138,8 @@ impl Letters {
         Ok(())
     }
 
-    /// Returns the number of letters whose last setpoint is at least [`AFTER_LETTER_S`] ago in a
-    /// flight.
+    /// Returns the number of letters whose last setpoint is at least [`AFTER_LETTER_S`] ago at the
+    /// last sample of a flight. Returns 0 if the flight does not show yet where it is in the plan.
     fn n_complete(&self, flight: &Flight) -> usize {
         let Some(on_plan_s) = on_plan_s(flight, &self.plan) else { return 0 };
         let last_s = flight.samples.last().map_or(0.0, |sample| sample.time_s);
@@ -145,7 +147,7 @@ impl Letters {
         self.ends_s.iter().take_while(|(_, end_s)| *end_s <= plan_s).count()
     }
 
-    /// Returns the verdict on the photo, as read from the camera's place.
+    /// Returns the verdict on the photo, in the view of its camera.
     pub(super) fn read(&self, shot: &Shot) -> Result<Verdict> {
         self.reader.score(&shot.photo, &View::from(&shot.camera))
     }

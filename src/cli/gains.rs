@@ -7,6 +7,7 @@ use super::outcome::Report;
 use super::terminal::warn;
 use crate::control::Margins;
 use crate::error::Result;
+use crate::scene::Scene;
 use crate::sim::gain_design::{Design, INPUTS, MOTOR_LAG_S, STATES, design};
 use crate::sim::{EstimatorKind, Law, SimOptions};
 use clap::Args;
@@ -34,47 +35,57 @@ pub(super) fn run(args: &GainsArgs) -> Result<Report> {
     // Regulator and observer are designed, and the scene's control loop is linearized.
     let design = design(&scene.sim(), args.motor_lag.unwrap_or(default_s))?;
     warn(&design.warnings);
-    let gains = gains(&scene.sim());
+    let loops = loop_gains(&scene.sim());
     let mut product = with_names(&design);
     product["controller"] = scene.controller.kind.name().into();
-    product["gains"] = gains
+    product["gains"] = loops
         .iter()
         .map(|(name, [p, i, d], unit)| (*name, json!({ "p": p, "i": i, "d": d, "unit": unit })))
         .collect();
-    // The Luenberger observer omits yaw, which is not observable from the position.
+    let mut words = words(&scene, &design);
+    // A controller with another law has neither a gain matrix nor loops.
+    let has_other_law = design.k.is_none() && loops.is_empty();
+    words["own"] = json!(has_other_law.then(|| scene.controller.kind.keys()));
+    words["loops"] = json!(loops);
+    let [x, y, z, f] = design.bryson_r;
+    words["bryson"] = json!(args.bryson.then_some(INPUTS));
+    words["rule"] = json!(args.bryson.then_some(BRYSON_RULE));
+    words["r"] = json!(args.bryson.then(|| format!("r = [{x:.6e}, {y:.6e}, {z:.6e}, {f:.6e}]")));
+    Ok(Report::with_words(product, &words, LAYOUT))
+}
+
+/// Bryson's rule for a weight of the regulator.
+const BRYSON_RULE: &str = "1 / (largest deviation from hover within the motors' range)^2";
+
+/// Returns the values of a design that appear only in the text.
+fn words(scene: &Scene, design: &Design) -> Value {
+    // The Luenberger observer estimates the first nine states, without the rates, except for yaw,
+    // which is not observable from the position.
     let is_luenberger = scene.observer.kind == EstimatorKind::Luenberger;
     let observed: Vec<&str> = STATES.into_iter().take(9).filter(|s| *s != "psi").collect();
-    let l = is_luenberger.then(|| matrix(&design.l, &observed));
-    let is_designed = design.k.is_some() && scene.controller.lqr.k.is_none();
     // The text calls K and L designed only if they were computed here instead of taken from the
     // scene.
-    let designs = match (is_designed, is_luenberger) {
+    let is_k_designed = design.k.is_some() && scene.controller.lqr.k.is_none();
+    let designs = match (is_k_designed, is_luenberger) {
         (true, true) => Some("K and L are"),
         (true, false) => Some("K is"),
         (false, true) => Some("L is"),
         (false, false) => None,
     };
-    let has_other_law = design.k.is_none() && gains.is_empty();
     let ratios = [0, 1, 2, 3].map(|i| scene.controller.lqr.r[i] / design.bryson_r[i]);
-    let [x, y, z, f] = design.bryson_r;
-    let words = json!({
-           "hidden": design.unobservable.join(", "),
-           "k": design.k.as_ref().map(|k| matrix(&k.transpose(), &design.states)), "l": l,
-           "regulates": design.k.as_ref().map(|_| "u = u_hover - K (x - x_des), transposed"),
-           "observes": is_luenberger.then_some("dx/dt = A x + B u - L (C x - y), without psi"),
-           "own": has_other_law.then(|| scene.controller.kind.keys()), "loops": gains,
-           "poles": poles(design.regulator_poles.as_ref()),
-           "lagging": poles(design.lagging_poles.as_ref()),
-           "observer": is_luenberger.then(|| poles(design.observer_poles.as_ref())),
-           "now": margins(design.margins.as_ref()), "late": margins(design.lagging_margins.as_ref()),
-           "bryson": args.bryson.then_some(INPUTS),
-           "rule": args.bryson.then_some("1 / (largest deviation from hover within the motors' range)^2"),
-           "designs": designs,
-    "units": ["N m", "N m", "N m", "N"],
-           "ratios": ratios,
-           "r": args.bryson.then(|| format!("r = [{x:.6e}, {y:.6e}, {z:.6e}, {f:.6e}]")),
-       });
-    Ok(Report::with_words(product, &words, LAYOUT))
+    json!({
+        "hidden": design.unobservable.join(", "),
+        "k": design.k.as_ref().map(|k| matrix(&k.transpose(), &design.states)),
+        "l": is_luenberger.then(|| matrix(&design.l, &observed)),
+        "regulates": design.k.as_ref().map(|_| "u = u_hover - K (x - x_des), transposed"),
+        "observes": is_luenberger.then_some("dx/dt = A x + B u - L (C x - y), without psi"),
+        "poles": poles(design.regulator_poles.as_ref()),
+        "lagging": poles(design.lagging_poles.as_ref()),
+        "observer": is_luenberger.then(|| poles(design.observer_poles.as_ref())),
+        "now": margins(design.margins.as_ref()), "late": margins(design.lagging_margins.as_ref()),
+        "designs": designs, "units": ["N m", "N m", "N m", "N"],
+        "ratios": ratios,
+    })
 }
 
 const LAYOUT: &str = "\
@@ -117,7 +128,7 @@ type LoopGains = Vec<(&'static str, [f64; 3], &'static str)>;
 
 /// Returns the name, the gains P, I, D and the unit of each loop of the scene's cascade or
 /// geometric controller, or an empty list for any other controller.
-fn gains(sim: &SimOptions) -> LoopGains {
+fn loop_gains(sim: &SimOptions) -> LoopGains {
     match sim.controller.kind.law() {
         Law::Cascade => {
             let names = [
@@ -151,9 +162,10 @@ fn gains(sim: &SimOptions) -> LoopGains {
     }
 }
 
-/// Returns one row per state, with six decimals, or three for large numbers, and a dash for zero.
+/// Returns the rows of a matrix with their names (`rows`). Entries are shown with six decimals, or
+/// three from 10, and as a dash if they are zero or a billionth of their column's largest entry.
 fn matrix(m: &DMatrix<f64>, rows: &[&str]) -> Vec<Value> {
-    // Smaller entries are rounding errors.
+    // The solution of the Riccati equation has rounding errors of this size.
     let tiny = m.column_iter().map(|column| 1e-9 * column.amax()).collect::<Vec<_>>();
     let rows = rows.iter().zip(m.row_iter()).map(|(name, row)| {
         let cells = row.iter().zip(&tiny).map(|(entry, tiny)| match entry.abs() {
@@ -166,7 +178,8 @@ fn matrix(m: &DMatrix<f64>, rows: &[&str]) -> Vec<Value> {
     rows.collect()
 }
 
-/// Returns poles in 1/s as text, with one entry per conjugate pair.
+/// Returns poles in 1/s as text, with one entry per conjugate pair. Without poles, the text says
+/// that the iteration did not converge.
 fn poles(poles: Option<&Vec<Complex<f64>>>) -> String {
     let Some(poles) = poles else { return "not found: the iteration did not converge".to_owned() };
     let upper = poles.iter().filter(|pole| pole.im >= 0.0);
@@ -181,7 +194,8 @@ fn poles(poles: Option<&Vec<Complex<f64>>>) -> String {
 
 /// Returns the stability margins of each input as text, or `None` for an unstable loop.
 fn margins(margins: Option<&[Margins; 4]>) -> Option<Vec<String>> {
-    /// Returns the gain margins in dB and the phase margin in degrees of one input as text.
+    /// Returns the gain margins of one input in dB, and its phase margin in degrees with the
+    /// crossover in rad/s, as text. Without a crossover, any phase is stable.
     fn in_words(margins: &Margins) -> String {
         let [down, up] = [margins.gain_down, margins.gain_up]
             .map(|gain| gain.map(|gain| format!("{:+.1}", decibels(gain))));

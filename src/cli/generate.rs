@@ -37,8 +37,8 @@ enum Kind {
     },
 }
 
-/// Runs the verb `generate`, which writes completions of a shell or manual pages. Its hidden kind
-/// `device` tries the graphics device, for `device.rs`.
+/// Runs the verb `generate`, which prints or writes the completions of a shell, or writes manual
+/// pages. Its hidden kind `device` tests the graphics device, for `device.rs`.
 pub(super) fn run(args: &GenerateArgs) -> Result<Report> {
     let mut command = super::command();
     match &args.kind {

@@ -11,8 +11,8 @@ use crate::error::Result;
 use crate::report::{Page, hold_figure};
 use crate::scene::Preset;
 use crate::studies::{
-    CONSISTENT, DURATION_S, HoldFigures, HoldModel, HoldScenario, HoldVerdict, STATE_NAMES, hold,
-    hold_figures,
+    CONSISTENT, DURATION_S, Hold, HoldFigures, HoldModel, HoldScenario, HoldVerdict, STATE_NAMES,
+    hold, hold_figures,
 };
 use clap::Args;
 use serde_json::{Value, json};
@@ -43,7 +43,8 @@ pub(super) struct HoldArgs {
 }
 
 /// Runs the verb `hold`, which simulates altitude hold in scenarios, and reports the errors and the
-/// consistency of the filter. The report passes if no bound is missed.
+/// consistency of the filter. Writes a table and a figure of the first flight of each scenario and
+/// model, a page and the figures as JSON. The report passes if no bound is missed.
 pub(super) fn run(args: &HoldArgs) -> Result<Report> {
     let scenarios = scenarios(&args.scenario)?;
     let preset = format!("preset = \"{}\"", args.preset);
@@ -51,22 +52,16 @@ pub(super) fn run(args: &HoldArgs) -> Result<Report> {
     let (options, seed) = (scene.sim(), args.seed.seed.unwrap_or(scene.seed));
     let models = args.model.map_or(HoldModel::ALL.to_vec(), |model| vec![model]);
     let mut folder = OutputFolder::create(&args.output)?;
-    let (mut outcomes, mut figures) = (Vec::new(), Vec::new());
-    // The first run of each scenario is simulated again for the table and the plot.
+    let (mut outcomes, mut drawings) = (Vec::new(), Vec::new());
     let mut progress = Progress::new("holding");
     let n = (scenarios.len() * models.len()) as f64;
     for scenario in scenarios {
         for model in &models {
             progress.update(outcomes.len() as f64 / n);
             outcomes.push(hold_figures(*model, &options, scenario, seed, args.runs)?);
+            // The first flight is simulated again for the table and the plot.
             let flight = hold(*model, &options, scenario, DURATION_S, seed)?;
-            let name = format!("{}-{}", scenario.name(), model.name());
-            let [csv, svg] = ["csv", "svg"].map(|kind| format!("{name}.{kind}"));
-            folder.write_with(&csv, |out| flight.write_csv(out))?;
-            let title = format!("{}, {} model", scenario.name(), model.name());
-            let figure = hold_figure(&flight, &title);
-            folder.write(&svg, &figure)?;
-            figures.push(figure);
+            drawings.push(write_flight(&mut folder, scenario, *model, &flight)?);
         }
     }
     drop(progress);
@@ -78,11 +73,26 @@ pub(super) fn run(args: &HoldArgs) -> Result<Report> {
     });
     folder.write("hold.json", format!("{product:#}\n"))?;
     let report = Report::with_words(product, &words(&outcomes), LAYOUT);
-    let page = Page::new("Altitude hold", "").printed(report.text.trim_end()).drawings(&figures);
+    let page = Page::new("Altitude hold", "").printed(report.text.trim_end()).drawings(&drawings);
     folder.write("hold.html", page.html())?;
     let files = folder.keep()?;
     let kept = outcomes.iter().all(|figures| figures.missed.is_empty());
     Ok(report.with_files(&files).passes(kept))
+}
+
+/// Writes the table and the figure of a flight, named after its scenario and model. Returns the
+/// figure (SVG).
+fn write_flight(
+    folder: &mut OutputFolder,
+    scenario: HoldScenario,
+    model: HoldModel,
+    flight: &Hold,
+) -> Result<String> {
+    let (scenario, model) = (scenario.name(), model.name());
+    folder.write_with(&format!("{scenario}-{model}.csv"), |out| flight.write_csv(out))?;
+    let drawing = hold_figure(flight, &format!("{scenario}, {model} model"));
+    folder.write(&format!("{scenario}-{model}.svg"), &drawing)?;
+    Ok(drawing)
 }
 
 const LAYOUT: &str = "\
@@ -110,7 +120,8 @@ fn words(figures: &[HoldFigures]) -> Value {
         let errors: Vec<String> =
             f.states.iter().map(|state| format!("{:.2}", state.error.value)).collect();
         states.push(json!({ "scenario": f.scenario, "model": f.model, "cells": errors }));
-        // One run has no interval. Long intervals are shown in whole numbers.
+        // A single run has no interval. Values from 10 are shown without decimals, so that the
+        // columns stay narrow.
         let intervals = f.states.iter().map(|state| {
             if f.runs < 2 {
                 return "-".to_owned();
@@ -131,7 +142,9 @@ fn words(figures: &[HoldFigures]) -> Value {
     })
 }
 
-/// Returns the scenarios that were typed by name, in their own order. `all` stands for all of them.
+/// Returns the scenarios whose names were typed, in the order in which they are defined. `all`
+/// stands for every scenario. Returns [`Error::Input`](crate::error::Error::Input) for an unknown
+/// name.
 fn scenarios(typed: &[String]) -> Result<Vec<HoldScenario>> {
     let named = typed.iter().filter(|name| *name != "all").map(|name| name.parse());
     let named: Vec<HoldScenario> = named.collect::<Result<_>>()?;

@@ -36,10 +36,9 @@ pub(super) struct IdentifyArgs {
 pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
     let scene = args.scene.load(args.log.as_slice(), &[])?;
     let vehicle = &scene.vehicle;
-    // The pendulum test does not need the log, so that either may be given without the other.
     let swing = args.pendulum_pivot.zip(args.pendulum_period);
     let inertia_kg_m2 = swing
-        .map(|(pivot_m, s)| pendulum_inertia_kg_m2(vehicle.mass_kg, pivot_m, s))
+        .map(|(pivot_m, period_s)| pendulum_inertia_kg_m2(vehicle.mass_kg, pivot_m, period_s))
         .transpose()?;
     let flight = args.log.as_deref().map(|log| args.flight.read(log, Some(&scene))).transpose()?;
     let identified = flight
@@ -47,13 +46,22 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
         .transpose()
         .map_err(|error| named(error, args.log.as_deref()))?;
     warn(identified.iter().flat_map(|identified| &identified.left_out));
+    Ok(report(vehicle, identified.as_ref(), inertia_kg_m2))
+}
 
+/// Returns the report on what was identified from a log, and on a moment of inertia. The figures of
+/// a missing log or test are null.
+fn report(
+    vehicle: &VehicleOptions,
+    identified: Option<&Identified>,
+    inertia_kg_m2: Option<f64>,
+) -> Report {
     // Neither the mass nor the arm can be determined from a log, because the inferred thrust is
     // proportional to the mass, and the torque to the arm.
     let VehicleOptions { mass_kg, arm_m, .. } = vehicle;
-    let identified = identified.as_ref();
     let lag = identified.and_then(|it| it.lag);
     let r = identified.and_then(Identified::observer_r);
+    let left_out = identified.map(|it| it.left_out.iter().map(ToString::to_string));
     let product = json!({
         "assumed": { "mass_kg": mass_kg, "arm_m": arm_m },
         "samples": identified.map(|it| it.n_samples),
@@ -68,7 +76,7 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
         "observer_q": identified.and_then(Identified::observer_q),
         "model_sigma": identified.and_then(|it| it.model_sigma),
         "observer_r": r,
-        "left_out": identified.map(|it| it.left_out.iter().map(ToString::to_string).collect::<Vec<_>>()),
+        "left_out": left_out.map(|left_out| left_out.collect::<Vec<_>>()),
         "inertia_kg_m2": inertia_kg_m2,
     });
     // There is no weight for the fourth state, yaw.
@@ -80,7 +88,7 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
         "axes": ["x", "y", "z"], "states": MODEL_STATES, "weights": weights,
         "unsure": unsure.map(|_| "not identifiable from this log"),
     });
-    Ok(Report::with_words(product, &words, LAYOUT))
+    Report::with_words(product, &words, LAYOUT)
 }
 
 const LAYOUT: &str = "\
@@ -99,7 +107,7 @@ inertia       {inertia_kg_m2:.4e} kg m2
 {states.#}|{:.4}|{weights.#:.1~not observable}
 ";
 
-/// Returns the error with the name of the log file as its place. Other errors are unchanged.
+/// Returns an input error with the name of the log file as its place. Other errors are unchanged.
 fn named(error: Error, log: Option<&Path>) -> Error {
     match (error, log) {
         (Error::Input { found, wanted, hint, .. }, Some(log)) => {

@@ -11,7 +11,7 @@ use super::output::Outputs;
 use super::show::flight_report;
 use super::terminal::warn;
 use crate::error::{Error, Result};
-use crate::flight::{Quantity, airborne};
+use crate::flight::{Flight, Quantity, airborne};
 use crate::logs::{OnClock, is_one_log};
 use crate::scene::CarriedScene;
 use clap::Args;
@@ -43,14 +43,7 @@ pub(super) struct ImportArgs {
 /// Runs the verb `import`, which converts a log to a flight file, or reports on a folder of logs.
 pub(super) fn run(args: &ImportArgs) -> Result<Report> {
     if args.log.is_dir() && !is_one_log(&args.log)? {
-        if let Some(word) = &args.word {
-            let hint = "import the log of the flight that wrote the word separately";
-            return Err(Error::input("input", word, "a folder of logs, without a word", hint));
-        }
-        let output = args.output.as_deref().unwrap_or(Path::new("noctograph-evening"));
-        let scene = args.scene.load(&[], &[])?;
-        let options = args.flight.options(Some(&scene));
-        return evening::run(&args.log, &scene, &options, output);
+        return import_evening(args);
     }
     // A scene is written beside the flight only if `--scene` names a scene or the log contains one.
     let mut scene = args.scene.load(std::slice::from_ref(&args.log), &[])?;
@@ -80,18 +73,34 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
         "warnings": flight.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
         "flight": figures.json, "gaps_s": &flight.gaps,
     });
-    // Without any of these quantities, it is unknown whether the drone flew.
-    let has_height = [Quantity::Position, Quantity::Design, Quantity::Motors];
-    let air = match air_s {
-        Some([from_s, to_s]) => format!("in the air {from_s:.2} s to {to_s:.2} s"),
-        None if has_height.iter().any(|quantity| flight.has(*quantity)) => {
-            "never in the air".into()
-        }
-        None => "the log contains no height, setpoints or motors".into(),
-    };
-    let mut report = Report::with_words(product, &json!({ "air": air }), LAYOUT);
+    let words = json!({ "air": in_the_air(&flight, air_s) });
+    let mut report = Report::with_words(product, &words, LAYOUT);
     report.text += &figures.text;
     Ok(report.with_files(&files))
+}
+
+/// Imports a folder of logs as an evening. Returns [`Error::Input`] if a word is given, because it
+/// belongs to a single flight.
+fn import_evening(args: &ImportArgs) -> Result<Report> {
+    if let Some(word) = &args.word {
+        let hint = "import the log of the flight that wrote the word separately";
+        return Err(Error::input("input", word, "a folder of logs, without a word", hint));
+    }
+    let output = args.output.as_deref().unwrap_or(Path::new("noctograph-evening"));
+    let scene = args.scene.load(&[], &[])?;
+    evening::run(&args.log, &scene, &args.flight.options(Some(&scene)), output)
+}
+
+/// Returns a phrase that says when a drone was in the air, from take-off to landing (`air_s`), if
+/// the log shows that.
+fn in_the_air(flight: &Flight, air_s: Option<[f64; 2]>) -> String {
+    // Without any of these quantities, it is unknown whether the drone flew.
+    let evidence = [Quantity::Position, Quantity::Design, Quantity::Motors];
+    match air_s {
+        Some([from_s, to_s]) => format!("in the air {from_s:.2} s to {to_s:.2} s"),
+        None if evidence.iter().any(|quantity| flight.has(*quantity)) => "never in the air".into(),
+        None => "the log contains no height, setpoints or motors".into(),
+    }
 }
 
 const LAYOUT: &str = "\

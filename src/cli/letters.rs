@@ -51,6 +51,17 @@ pub(super) struct LetterFlags {
     pub(super) room: Option<[f64; 3]>,
 }
 
+/// Source of the size of a scene's letters.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum LetterSize {
+    /// Letters that are as large as the room allows.
+    Fitted,
+    /// Height that was typed.
+    Typed,
+    /// Letters of finished plans, which keep their size.
+    Kept,
+}
+
 /// Levels of the color LED deck without the firmware's brightness correction, which give dim colors
 /// twice as many steps.
 const LEVELS: ColorLedLevels = ColorLedLevels::Plain;
@@ -68,13 +79,10 @@ fn color(text: &str) -> Result<[u8; 4], String> {
 }
 
 impl LetterFlags {
-    /// Returns the scene settings that were typed, as keys and values. If the letters are those of
-    /// finished plans (`is_planned`), or if their height was typed (`is_height_typed`), they keep
-    /// their size.
-    #[expect(clippy::fn_params_excessive_bools, reason = "independent of each other")]
-    pub(super) fn settings(&self, is_planned: bool, is_height_typed: bool) -> Vec<Setting> {
-        // If a drawing is set, it replaces the word, and the digest of an earlier drawing is
-        // cleared.
+    /// Returns the scene settings that were typed, as keys and values. With a room, the letters are
+    /// also given the settings of `size`. A drawing replaces the word and any earlier drawing,
+    /// whose digest is cleared.
+    pub(super) fn settings(&self, size: LetterSize) -> Vec<Setting> {
         let mut settings = Vec::new();
         let mut set = |key: &str, value: &dyn Display| {
             settings.push((key.to_owned(), value.to_string()));
@@ -94,6 +102,7 @@ impl LetterFlags {
         if let Some(Corners(corners_px)) = &self.corners {
             set("letters.corners_px", &format!("{:?}", corners_px.as_flattened()));
         }
+        // Only the color LED deck writes in these colors, so it becomes the writing lamp.
         if !self.color.is_empty() {
             set("light.letters_wrgb", &format!("{:?}", self.color));
             set("light.deck", &"color-led");
@@ -102,10 +111,10 @@ impl LetterFlags {
         }
         if let Some(room_m) = self.room {
             set("expose.room_m", &format!("{room_m:?}"));
-        }
-        if let Some(room_m) = self.room.filter(|_| !is_planned) {
-            let is_drawing = self.drawing.is_some();
-            settings.extend(letters_within(room_m, is_drawing, is_height_typed));
+            let is_typed = size == LetterSize::Typed;
+            if size != LetterSize::Kept {
+                settings.extend(letters_within(room_m, self.drawing.is_some(), is_typed));
+            }
         }
         settings
     }

@@ -16,8 +16,9 @@ use crate::error::{Error, Result};
 use crate::flight::table::on_grid;
 use crate::flight::{Flight, FlightData, FlightSample, Quantity, warning::UNLOGGED};
 use crate::locate::{
-    Link, LocateOptions, Located, RangeSample, Reference, Room, Track, check_count, link_errors,
-    locate, locate_augmented, locate_shared, nis_interval, position_error,
+    Link, LinkError, LocateOptions, Located, PositionError, RangeSample, Reference, Room, Track,
+    check_count, link_errors, locate, locate_augmented, locate_shared, nis_interval,
+    position_error,
 };
 use crate::logs::{self, OnClock};
 use crate::report::{NamedFlight, front_view, top_view};
@@ -41,7 +42,8 @@ const TO_ANCHOR: &str = "ranging.distance";
 const TO_DRONE: &str = "ranging.drone";
 /// Scene keys that this verb uses even if they have no effect in a flight without ranging.
 const USED: [&str; 2] = ["observer.ekf.two_way_sigma_m", "sensors.uwb.anchors_m"];
-/// Smallest and largest density of the acceleration in m/s²/√Hz.
+/// Smallest and largest noise density of the acceleration, in m/s²/√Hz. Drones that write have
+/// about 1.
 const ACCELERATIONS: [f64; 2] = [1e-3, 1e3];
 const VIEWS: [&str; 2] = ["flight-xy.svg", "flight-xz.svg"];
 
@@ -101,14 +103,9 @@ pub(super) struct LocateArgs {
 }
 
 /// Runs the verb `locate`, which computes the positions of drones from their ranges, compares them
-/// with references, and writes them as flights.
+/// with references, and writes them as flights and plots. With `--region`, nothing is written.
 pub(super) fn run(args: &LocateArgs) -> Result<Report> {
-    let mut scene = args.scene.load_from(None, &[], &USED)?;
-    if let Some(path) = &args.anchors {
-        scene.sensors.uwb.anchors_m = read_anchors(path)?;
-        scene.sensors.uwb.heard.clear();
-        scene.check()?;
-    }
+    let scene = scene(args)?;
     if args.region {
         return region(scene);
     }
@@ -128,35 +125,60 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
     let (logs, samples) = aligned_logs(args, &scene)?;
     let located = by_observer(args, &anchors_m, &logs, &samples, &options)?;
     warn(&located.warnings);
-    let places_m = || located.position_m.iter().flatten();
-    let is_outside = |room: &Room| places_m().filter(|place_m| !room.holds(place_m)).count();
-    if args.within.is_some_and(|room| 2 * is_outside(&room) > places_m().count()) {
-        warn(["the drones are located outside the box of --within, because the ranges fit no \
-             position inside it"]);
-    }
+    warn_if_outside(&located, args.within);
 
     // The references yield the errors of the positions and of each link's ranges.
-    LOGS.check_all(&args.reference)?;
-    let references = args.reference.iter().map(|path| read(args, &scene, path));
-    let mut references = references.collect::<Result<Vec<_>>>()?;
-    align_references(&mut references, &logs, &args.offset)?;
-    let clocks: Vec<&Dated<'_>> = logs.iter().chain(&references).collect();
-    let references: Vec<Reference<'_>> = references
+    let dated = aligned_references(args, &scene, &logs)?;
+    let references: Vec<Reference<'_>> = dated
         .iter()
         .map(|dated| Reference { flight: &dated.flight, offset_s: dated.offset_s })
         .collect();
     let errors = references.iter().enumerate();
     let errors = errors.map(|(drone, reference)| position_error(&located, drone, *reference));
     let errors = errors.collect::<Result<Vec<_>>>()?;
-    let files = write(folder, &located, &references)?;
     let links = link_errors(&samples, &anchors_m, &references);
+    let files = write(folder, &located, &references)?;
+    let files_on_clock: Vec<&Dated<'_>> = logs.iter().chain(&dated).collect();
+    Ok(report(args.observer, &located, &files_on_clock, &errors, &links).with_files(&files))
+}
 
-    let clocks = if clocks.len() > 1 { clocks } else { Vec::new() };
-    let clocks = clocks
+/// Returns the scene with the anchors of `--anchors`, if given, each of which all drones receive.
+fn scene(args: &LocateArgs) -> Result<Scene> {
+    let mut scene = args.scene.load_from(None, &[], &USED)?;
+    if let Some(path) = &args.anchors {
+        scene.sensors.uwb.anchors_m = read_anchors(path)?;
+        scene.sensors.uwb.heard.clear();
+        scene.check()?;
+    }
+    Ok(scene)
+}
+
+/// Warns if more than half of the positions are outside the box of `--within`.
+fn warn_if_outside(located: &Located, within: Option<Room>) {
+    let Some(room) = within else { return };
+    let positions_m = || located.position_m.iter().flatten();
+    let n_outside = positions_m().filter(|position_m| !room.holds(position_m)).count();
+    if 2 * n_outside > positions_m().count() {
+        warn(["the drones are located outside the box of --within, because the ranges fit no \
+             position inside it"]);
+    }
+}
+
+/// Returns the report on the positions of all drones. `files` contains the logs and the references,
+/// whose clocks are listed if there are several files.
+fn report(
+    observer: Observer,
+    located: &Located,
+    files: &[&Dated<'_>],
+    errors: &[PositionError],
+    links: &[LinkError],
+) -> Report {
+    let clocks = files
         .iter()
-        .map(|log| json!({ "file": log.path.display().to_string(), "offset_s": log.offset_s }));
+        .filter(|_| files.len() > 1)
+        .map(|file| json!({ "file": file.path.display().to_string(), "offset_s": file.offset_s }));
     let ends = located.time_s.first().zip(located.time_s.last());
-    let [median_m, worst_m] = sigmas_m(&located).map_or([None; 2], |sigmas_m| sigmas_m.map(Some));
+    let [median_m, worst_m] = sigmas_m(located).map_or([None; 2], |sigmas_m| sigmas_m.map(Some));
     let product = json!({
         "ranges": located.ranges, "span_s": ends.map_or(0.0, |(first, last)| last - first),
         "refused_frac": located.refused_frac, "nis": located.nis,
@@ -166,11 +188,13 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
         "warnings": located.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
     });
     let drones: Vec<usize> = (1..=located.position_m.len()).collect();
-    let refused_frac = located.nis.map(|_| located.refused_frac);
     let words = json!({
-        "observer": format!("{:?}", args.observer).to_lowercase(), "n_drones": drones.len(), "drone": drones, "refused_frac": refused_frac,
+        "observer": format!("{observer:?}").to_lowercase(), "n_drones": drones.len(),
+        "drone": drones,
+        // An observer without a covariance refuses no range.
+        "refused_frac": located.nis.map(|_| located.refused_frac),
     });
-    Ok(Report::with_words(product, &words, LAYOUT).with_files(&files))
+    Report::with_words(product, &words, LAYOUT)
 }
 
 const LAYOUT: &str = "\
@@ -221,8 +245,8 @@ impl Dated<'_> {
     }
 }
 
-/// Returns the logs and all of their ranges on one clock. Returns [`Error::Input`] for logs with
-/// different clocks or too many ranges.
+/// Reads the logs, and returns them with all of their ranges on one clock. Returns [`Error::Input`]
+/// for logs with different clocks or too many ranges.
 fn aligned_logs<'a>(
     args: &'a LocateArgs,
     scene: &Scene,
@@ -241,8 +265,9 @@ fn aligned_logs<'a>(
     Ok((logs, samples.into_iter().flatten().collect()))
 }
 
-/// Aligns the logs and their ranges to the clock of the first log, with time zero at the earliest
-/// sample of any log.
+/// Aligns the logs and their ranges to the clock of the first log. Time zero is that of the first
+/// log, or the earliest sample if that is earlier. Returns [`Error::Input`] for a log whose
+/// timestamps do not overlap those of the first one.
 fn align_logs(logs: &mut [Dated<'_>], samples: &mut [Vec<RangeSample>]) -> Result<()> {
     // Every log must use the same clock as the first one.
     let Some((first, others)) = logs.split_first_mut() else { return Ok(()) };
@@ -254,7 +279,7 @@ fn align_logs(logs: &mut [Dated<'_>], samples: &mut [Vec<RangeSample>]) -> Resul
             .after_s(first)
             .ok_or_else(|| Error::input(log.path.display(), "another clock", wanted, hint))?;
     }
-    // Time zero is the earliest sample of all logs.
+    // No sample has a negative time.
     let begin_s = |log: &Dated<'_>| log.flight.samples.first().map_or(0.0, |s| s.time_s);
     let earliest_s = logs.iter().map(|log| begin_s(log) + log.offset_s).fold(0.0, f64::min);
     for (log, samples) in logs.iter_mut().zip(samples) {
@@ -264,15 +289,19 @@ fn align_logs(logs: &mut [Dated<'_>], samples: &mut [Vec<RangeSample>]) -> Resul
     Ok(())
 }
 
-/// Aligns the references, one for each log, on the clock of the logs. `typed_s` contains the
-/// offsets that were typed, one for each reference, or none.
-fn align_references(
-    references: &mut [Dated<'_>],
+/// Reads the references, one for each log, and aligns them to the clock of the logs. An offset that
+/// was typed is added to that of the timestamps. Returns [`Error::Input`] for a reference that has
+/// neither an offset nor timestamps in common with its log.
+fn aligned_references<'a>(
+    args: &'a LocateArgs,
+    scene: &Scene,
     logs: &[Dated<'_>],
-    typed_s: &[f64],
-) -> Result<()> {
+) -> Result<Vec<Dated<'a>>> {
+    LOGS.check_all(&args.reference)?;
+    let references = args.reference.iter().map(|path| read(args, scene, path));
+    let mut references = references.collect::<Result<Vec<_>>>()?;
     for (drone, (reference, log)) in references.iter_mut().zip(logs).enumerate() {
-        let (after_s, typed_s) = (reference.after_s(log), typed_s.get(drone));
+        let (after_s, typed_s) = (reference.after_s(log), args.offset.get(drone));
         if after_s.is_none() && typed_s.is_none() {
             let hint = "give the seconds between the two clocks with --offset";
             let wanted = "timestamps in common with those of the log";
@@ -280,7 +309,7 @@ fn align_references(
         }
         reference.offset_s = log.offset_s + after_s.unwrap_or(0.0) + typed_s.unwrap_or(&0.0);
     }
-    Ok(())
+    Ok(references)
 }
 
 /// Refuses a flag that is given `n` times for `n_files` files, unless it is missing.
@@ -308,8 +337,8 @@ fn read<'a>(args: &LocateArgs, scene: &Scene, path: &'a PathBuf) -> Result<Dated
     Ok(Dated { path, flight, zero_stamp_s, offset_s: 0.0 })
 }
 
-/// Writes a flight file for each drone, and plots of the flights beside their references. Returns
-/// the paths.
+/// Writes a flight file for each drone, and plots from above and from the front, in which each
+/// flight is drawn with its reference. Returns the paths.
 fn write(
     mut folder: OutputFolder,
     located: &Located,
@@ -383,7 +412,8 @@ fn track(log: &Dated<'_>) -> Result<Track> {
 }
 
 /// Returns the ranges in the log of drone `drone`, counted from 0. A repeated value does not count
-/// as a new measurement. Returns [`Error::Input`] for a log without ranges.
+/// as a new measurement. Returns [`Error::Input`] for a log without ranges, and for too many
+/// ranges.
 fn ranges(log: &Flight, drone: usize) -> Result<Vec<RangeSample>> {
     let mut samples = Vec::new();
     let mut has_ranges = false;
@@ -396,14 +426,14 @@ fn ranges(log: &Flight, drone: usize) -> Result<Vec<RangeSample>> {
             _ => continue,
         };
         has_ranges = true;
-        let mut before = 0.0;
-        // The firmware logs the last range repeatedly until it measures a new one.
+        // The firmware logs 0 until the first measurement, and then each range repeatedly until
+        // it measures a new one. A cell without a value is NaN.
+        let mut before_m = 0.0;
         for (sample, &distance_m) in log.samples.iter().zip(column) {
-            // The firmware logs 0 until the first measurement.
-            if distance_m.is_nan() || distance_m == before {
+            if distance_m.is_nan() || distance_m == before_m {
                 continue;
             }
-            before = distance_m;
+            before_m = distance_m;
             samples.push(RangeSample { time_s: sample.time_s, link, distance_m });
         }
         check_count(samples.len())?;
@@ -416,7 +446,7 @@ fn ranges(log: &Flight, drone: usize) -> Result<Vec<RangeSample>> {
 }
 
 /// Returns a flight with the positions of drone `drone`, counted from 0, from its first range to
-/// its last.
+/// its last, rounded as in a flight file.
 fn flight(located: &Located, drone: usize) -> Result<Flight> {
     let sample = |index: usize| {
         let position_m = located.position_m[drone][index].map(on_grid);
@@ -431,8 +461,9 @@ fn flight(located: &Located, drone: usize) -> Result<Flight> {
     })
 }
 
-/// Returns the median and the maximum standard deviation in m of the positions over three axes.
-/// Returns `None` for an observer without a covariance.
+/// Returns the median and the maximum standard deviation in m of all drones' positions, each
+/// between the drone's first and last range. A standard deviation covers three axes: it is the root
+/// of the covariance's trace. Returns `None` for an observer without a covariance.
 fn sigmas_m(located: &Located) -> Option<[f64; 2]> {
     let drones = located.covariance_m2.iter().enumerate();
     let heard = drones.flat_map(|(drone, covariances)| &covariances[located.heard(drone)]);
@@ -441,7 +472,8 @@ fn sigmas_m(located: &Located) -> Option<[f64; 2]> {
     Some([median(sigmas_m)?, worst_m])
 }
 
-/// Parses a box from its minimum and maximum coordinates in m. Returns a message for other texts.
+/// Parses a box from its lowest and highest x, y and z in m. Returns a message for other texts,
+/// and for a box without volume.
 fn room(text: &str) -> std::result::Result<Room, String> {
     let room = numbers(text, &[',']).map(|[left, front, bottom, right, back, top]| Room {
         low_m: Vector3::new(left, front, bottom),

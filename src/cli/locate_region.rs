@@ -20,13 +20,14 @@ const SPANS_S: [f64; 4] = [0.0, 1.0, 3.0, 20.0];
 const MAP_S: f64 = 64.0;
 /// Number of random starts for each initial error.
 const STARTS: u32 = 40;
-/// Shortest duration in s of a plan that is repeated.
+/// Shortest duration in s of a plan that is repeated. A plan of no duration could not be.
 const LEAST_S: f64 = 1e-3;
 /// Smallest standard deviation of a range in m, because exact ranges have no information matrix.
 const LEAST_NOISE_M: f64 = 1e-4;
 
 /// Returns the report on the region of convergence of the shared-anchor observer, and on the
-/// observability, while two drones write the scene's word.
+/// observability, while two drones write the scene's word. Returns [`Error::Input`] for a scene
+/// with other than two drones, or without an anchor that both hear.
 pub(super) fn region(scene: Scene) -> Result<Report> {
     let uwb = scene.sensors.uwb.clone();
     let Some(anchors) = shared_anchor(&uwb.heard) else {
@@ -35,32 +36,36 @@ pub(super) fn region(scene: Scene) -> Result<Report> {
         let actual = format!("{:?}", uwb.heard);
         return Err(Error::input("sensors.uwb.heard", actual, wanted, hint));
     };
-    let [one, two, shared_m] = anchors.map(|anchor| Vector3::from(uwb.anchors_m[anchor]));
+    let [first_m, second_m, shared_m] = anchors.map(|anchor| Vector3::from(uwb.anchors_m[anchor]));
     let plans = Shoot::new(scene)?.plans;
     let [first, second] = plans.as_slice() else {
         let hint = "set plan.drones = 2 and plan.style = \"even\"";
         return Err(Error::input("plan.drones", plans.len(), "two drones", hint));
     };
     // The drones repeat the word until the end of the simulated time.
-    let path = |time_s: f64| {
+    let positions_m = |time_s: f64| {
         [first, second]
             .map(|planned| planned.plan.design_m(time_s % planned.plan.duration_s().max(LEAST_S)))
     };
-    let observer = |gain| SharedAnchorObserver { own_m: [one, two], shared_m, gains: [gain; 2] };
+    let observer =
+        |gain| SharedAnchorObserver { own_m: [first_m, second_m], shared_m, gains: [gain; 2] };
     let errors = ERRORS_M.map(|error_m| {
-        let left = GAINS.map(|gain| fraction_left(&observer(gain), path, MAP_S, error_m, STARTS));
+        let left =
+            GAINS.map(|gain| fraction_left(&observer(gain), positions_m, MAP_S, error_m, STARTS));
         json!({ "error_m": error_m, "left": left })
     });
-    let seen = SPANS_S.map(|span_s| {
+    let observed = SPANS_S.map(|span_s| {
         let [ranges, three] = [Outputs::Ranges, Outputs::Three].map(|outputs| {
             let noise_m = uwb.noise_m.max(LEAST_NOISE_M);
-            observability(&observer(1.0), outputs, path, span_s, uwb.rate_hz, noise_m)
+            // The gain does not matter here, because observability is a property of the outputs.
+            observability(&observer(1.0), outputs, positions_m, span_s, uwb.rate_hz, noise_m)
         });
         json!({ "time_s": span_s, "ranges": ranges, "three_outputs": three })
     });
-    let left = errors.iter().flat_map(|error| (0..GAINS.len()).map(move |k| (k, error)));
-    let left = left.map(|(k, error)| json!({ "gain": GAINS[k], "share_left": error["left"][k] }));
-    let product = json!({ "region": left.collect::<Vec<_>>(), "observability": seen });
+    // The JSON object has a row for each pair of an error and a gain, in place of the table.
+    let pairs = errors.iter().flat_map(|error| (0..GAINS.len()).map(move |k| (k, error)));
+    let rows = pairs.map(|(k, error)| json!({ "gain": GAINS[k], "share_left": error["left"][k] }));
+    let product = json!({ "region": rows.collect::<Vec<_>>(), "observability": observed });
     let words = json!({ "errors": errors, "map_s": MAP_S, "starts": STARTS, "gains": GAINS });
     Ok(Report::with_words(product, &words, LAYOUT))
 }

@@ -4,13 +4,15 @@ use std::path::PathBuf;
 
 use super::advice::mentioned;
 use super::flags::SubjectFlags;
-use super::flight_flags::FlightFlags;
+use super::flight_flags::{FlightFlags, LogLights};
 use super::outcome::Report;
 use super::picture::PictureFlags;
 use super::progress::watch;
 use super::terminal::warn;
+use crate::camera::Camera;
 use crate::error::Result;
 use crate::expose::meter::{LampReading, floor_stops, meter};
+use crate::shoot::{Metered, Shoot};
 use clap::Args;
 use serde_json::{Value, json};
 
@@ -38,82 +40,121 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
     if let Some(stops) = args.target_stops {
         crate::error::within("target_stops", stops, -MOST_STOPS, MOST_STOPS)?;
     }
-    let shoot = match args.flight.as_slice() {
-        [] => args.subject.shoot(|scene| args.picture.apply(scene), &|_| Ok(()))?,
-        paths => {
-            let mut scene = args.subject.scene_of(paths)?;
-            args.picture.apply(&mut scene)?;
-            args.flights.shoot(scene, args.subject.typed_word()?, paths, false)?
-        }
-    };
+    let shoot = shoot(args)?;
     let scene = shoot.scene.clone();
     let lighting = shoot.lighting(&watch())?;
     let warnings = lighting.problems.iter().filter(|problem| !problem.is_stop());
     warn(warnings.map(|problem| problem.sentence(mentioned)));
-    // The JSON contains the reading of each lamp with advice.
     let readings = meter(&lighting.trace, &lighting.camera)?;
     let recommended = lighting.recommended(&scene);
-    let camera = &lighting.camera;
     let trail_stops = recommended.map(|settings| settings.trail_stops);
-    let target_stops = args.target_stops.or(trail_stops).unwrap_or(0.0);
-    let recommended = recommended.filter(|_| args.target_stops.is_none());
-    let has_fixed_aperture = scene.camera.body.fixed_lens().is_some();
-    let described = |readings: &[LampReading]| -> Vec<Value> {
+    // A target that was typed replaces the recommendation of the light meter.
+    let advisor = Advisor {
+        camera: &lighting.camera,
+        has_fixed_aperture: scene.camera.body.fixed_lens().is_some(),
+        target_stops: args.target_stops.or(trail_stops).unwrap_or(0.0),
+        recommended: recommended.filter(|_| args.target_stops.is_none()),
+    };
+    let Camera { f_number, iso, .. } = lighting.camera;
+    let product = json!({
+        "saturation_lx_s": lighting.camera.saturation_lx_s(), "f_number": f_number, "iso": iso,
+        "target_stops": advisor.target_stops, "recommended": advisor.recommended,
+        "ambient_stops": scene.photo.ambient_stops(&lighting.camera),
+        "floor_stops": floor_stops(&lighting.trace, &lighting.camera, &scene.expose),
+        "lamps": advisor.described(&readings),
+    });
+    let words = advisor.words(&product, &grouped(&readings));
+    Ok(Report::with_words(product, &words, LAYOUT))
+}
+
+/// Returns the shoot of the flights that are named, or else of the word or the plans.
+fn shoot(args: &MeterArgs) -> Result<Shoot> {
+    if args.flight.is_empty() {
+        return args.subject.shoot(|scene| args.picture.apply(scene), &|_| Ok(()));
+    }
+    let mut scene = args.subject.scene_of(&args.flight)?;
+    args.picture.apply(&mut scene)?;
+    args.flights.shoot(scene, args.subject.typed_word()?, &args.flight, LogLights::Inferred)
+}
+
+/// Advice on the exposure of lamps.
+struct Advisor<'a> {
+    camera: &'a Camera,
+    /// True for a lens without an adjustable aperture, for which no f-number is suggested.
+    has_fixed_aperture: bool,
+    /// Desired exposure of the middle of a trail, in stops over saturation.
+    target_stops: f64,
+    /// Settings of the light meter, which replace advice on single lamps. `None` if the user typed
+    /// a target, or if there is no light.
+    recommended: Option<Metered>,
+}
+
+impl Advisor<'_> {
+    /// Returns each lamp's reading as JSON, with its unevenness and the advice for it.
+    fn described(&self, readings: &[LampReading]) -> Vec<Value> {
         let lamps = readings.iter().map(|reading| {
             let mut lamp = json!(reading);
             lamp["evenness_stops"] = reading.evenness_stops().into();
-            lamp["advice"] = json!(reading.advice(camera, target_stops));
-            if has_fixed_aperture {
+            lamp["advice"] = json!(reading.advice(self.camera, self.target_stops));
+            if self.has_fixed_aperture {
                 lamp["advice"]["f_number"] = Value::Null;
             }
             lamp
         });
         lamps.collect()
-    };
-    let product = json!({
-        "saturation_lx_s": camera.saturation_lx_s(), "f_number": camera.f_number,
-        "iso": camera.iso, "target_stops": target_stops, "recommended": recommended,
-        "ambient_stops": scene.photo.ambient_stops(camera),
-        "floor_stops": floor_stops(&lighting.trace, camera, &scene.expose),
-        "lamps": described(&readings),
-    });
-    // The text contains a single row for all LEDs of a ring, and the advice for the brightest lamp.
-    let rows = grouped(&readings);
-    let brightest = rows.iter().max_by(|a, b| a.median_stops.total_cmp(&b.median_stops));
-    let advice = brightest.map(|it| it.advice(camera, target_stops));
-    let advice = advice.filter(|_| recommended.is_none());
-    let aperture = advice.filter(|_| !has_fixed_aperture).map(|it| format!("f/{:.1}", it.f_number));
-    let iso = advice.and_then(|it| it.iso).map(|iso| format!("ISO {iso:.0}"));
-    let settings: Vec<String> = aperture.into_iter().chain(iso).collect();
-    let filter = "a neutral filter".to_owned();
-    let settings = advice.map(|_| if settings.is_empty() { filter } else { settings.join(" or ") });
-    let spots = hot_spots(&rows);
-    let rows = described(&rows);
-    // The table also contains rows for the ambient light and the floor, which have only a median.
-    let surfaces = [("ambient", &product["ambient_stops"]), ("floor", &product["floor_stops"])];
-    let surfaces = surfaces.map(|(name, stops)| {
-        json!({
-            "name": name, "median_stops": stops, "lit_s": null, "p5_stops": null,
-            "p95_stops": null, "evenness_stops": null, "streak_s": null,
+    }
+
+    /// Returns the settings for the brightest lamp as text, or `None` if the light meter recommends
+    /// settings for all lamps. If no setting is dark enough, a neutral filter is suggested.
+    fn settings(&self, brightest: Option<&LampReading>) -> Option<String> {
+        let brightest = brightest.filter(|_| self.recommended.is_none())?;
+        let advice = brightest.advice(self.camera, self.target_stops);
+        let aperture = (!self.has_fixed_aperture).then(|| format!("f/{:.1}", advice.f_number));
+        let iso = advice.iso.map(|iso| format!("ISO {iso:.0}"));
+        let settings: Vec<String> = aperture.into_iter().chain(iso).collect();
+        Some(if settings.is_empty() {
+            "a neutral filter".to_owned()
+        } else {
+            settings.join(" or ")
         })
-    });
-    let trails: Vec<&Value> = rows.iter().chain(&surfaces).collect();
-    let words = json!({
-        "brightest": brightest, "settings": settings, "focal_length_m": camera.focal_length_m,
-        "is_set": recommended.is_some_and(|it| [it.f_number, it.iso] == [camera.f_number, camera.iso]),
-        "help": recommended.and_then(|it| it.help()),
-        "why": recommended.filter(|it| it.keeps_room_dark).map(|_| "so that the room stays dark"),
-        "rows": rows, "trails": trails,
-        "any_spots": spots.first().map(|_| "hot spots"),
-        "spots": spots.get(..MOST_SPOTS).unwrap_or(&spots),
-        "more": spots.len().checked_sub(MOST_SPOTS + 1).map(|n| n + 1),
-    });
-    Ok(Report::with_words(product, &words, LAYOUT))
+    }
+
+    /// Returns the values that appear only in the text. `readings` has a single reading for all
+    /// LEDs of a ring.
+    fn words(&self, product: &Value, readings: &[LampReading]) -> Value {
+        let brightest = readings.iter().max_by(|a, b| a.median_stops.total_cmp(&b.median_stops));
+        let spots = hot_spots(readings);
+        let rows = self.described(readings);
+        // The table also contains rows for the ambient light and the floor, which have only a
+        // median.
+        let surfaces =
+            [("ambient", "ambient_stops"), ("floor", "floor_stops")].map(|(name, key)| {
+                json!({
+                    "name": name, "median_stops": product[key], "lit_s": null, "p5_stops": null,
+                    "p95_stops": null, "evenness_stops": null, "streak_s": null,
+                })
+            });
+        let trails: Vec<&Value> = rows.iter().chain(&surfaces).collect();
+        let camera_settings = [self.camera.f_number, self.camera.iso];
+        let recommended = self.recommended;
+        json!({
+            "brightest": brightest, "settings": self.settings(brightest),
+            "focal_length_m": self.camera.focal_length_m,
+            "is_set": recommended.is_some_and(|it| [it.f_number, it.iso] == camera_settings),
+            "help": recommended.and_then(|it| it.help()),
+            "why": recommended.filter(|it| it.keeps_room_dark).map(|_| "so that the room stays dark"),
+            "rows": rows, "trails": trails,
+            "any_spots": spots.first().map(|_| "hot spots"),
+            "spots": spots.get(..MOST_SPOTS).unwrap_or(&spots),
+            "more": Some(spots.len().saturating_sub(MOST_SPOTS)).filter(|n| *n > 0),
+        })
+    }
 }
 
 /// Maximum number of hot spots in the table.
 const MOST_SPOTS: usize = 20;
-/// Largest distance of a target from saturation in stops.
+/// Largest distance of a target from saturation, in stops. At 30 stops, a factor of 10⁹, no camera
+/// records anything.
 const MOST_STOPS: f64 = 30.0;
 
 const LAYOUT: &str = "\
@@ -138,7 +179,7 @@ and {more} more (--json has them all)
 ";
 
 /// Returns the hot spots above saturation as JSON with the names of their lamps, brightest first. A
-/// lamp whose exposure stays below saturation leaves no blob, however long the drone waits.
+/// spot below saturation is left out, because it shows no blob.
 fn hot_spots(readings: &[LampReading]) -> Vec<Value> {
     let spots = readings.iter().flat_map(|r| r.hot_spots.iter().map(move |spot| (&r.name, spot)));
     let mut spots: Vec<_> = spots.filter(|(_, spot)| spot.stops > 0.0).collect();
@@ -151,7 +192,8 @@ fn hot_spots(readings: &[LampReading]) -> Vec<Value> {
     spots.into_iter().map(spot).collect()
 }
 
-/// Returns the readings with those of a ring's LEDs replaced by that of the brightest LED.
+/// Returns the readings in their order, with those of a ring's LEDs replaced by that of the LED
+/// with the largest median exposure.
 fn grouped(readings: &[LampReading]) -> Vec<LampReading> {
     /// Returns the name of the row for an LED of a ring, such as `ring, brightest`, or `None` for
     /// other lamps.

@@ -195,30 +195,32 @@ verbs! {
 }
 
 /// Returns the clap command with a help text that groups the verbs, which clap does not support.
-/// Only the verbs of the first group are explained, so that the help fits on one screen.
+/// Only the verbs of the first group are explained, so that the help fits on one screen. The help
+/// of each verb ends with its examples.
 fn command() -> Command {
     let mut command = CommandLine::command();
     let mut verbs = String::new();
     for (index, (title, members)) in GROUPS.iter().enumerate() {
-        // Each verb's help ends with its examples.
         let names: Vec<String> =
             members.iter().map(|(module, _)| module.replace('_', "-")).collect();
-        if index == 0 {
-            verbs += &format!("\n{title}:\n");
+        let is_first = index == 0;
+        verbs += &if is_first {
+            format!("\n{title}:\n")
         } else {
-            verbs += &format!("  {title:17}{}\n", names.join(", "));
-        }
+            format!("  {title:17}{}\n", names.join(", "))
+        };
         for (name, (_, examples)) in names.iter().zip(*members) {
             let verb = command.find_subcommand(name).expect("verbs are named as their modules");
-            if index == 0 {
+            if is_first {
                 verbs += &format!("  {name:9}{}\n", verb.get_about().unwrap_or_default());
             }
+            // The examples precede what a verb's own attribute adds to its help.
             let more = verb.get_after_help().map_or(String::new(), |more| format!("\n\n{more}"));
             let examples = examples.replace('\n', "\n  ");
             let help = format!("Example:\n  {examples}{more}");
             command = command.mut_subcommand(name, |verb| verb.after_help(help));
         }
-        if index == 0 {
+        if is_first {
             verbs += "\nFurther verbs, which `noctograph VERB --help` explains:\n";
         }
     }
@@ -228,18 +230,21 @@ fn command() -> Command {
     ))
 }
 
-/// Runs the command that was typed, and returns its exit code.
+/// Runs the command that was typed, and returns its exit code. It is 101 after a panic, as for any
+/// Rust program.
 pub fn main() -> u8 {
-    // The stack of the main thread may be too small to parse the arguments (`ulimit -s`).
+    // The stack of the main thread may be too small to parse the arguments (`ulimit -s`). If no
+    // thread can be started, the main thread does the work.
     match std::thread::Builder::new().stack_size(STACK).spawn(run_typed) {
         Ok(main) => main.join().unwrap_or(101),
         Err(_) => run_typed(),
     }
 }
 
-/// Parses and runs the command that was typed, and returns its exit code: 0 for success, 1 for a
-/// report that does not pass, 2 for an error.
+/// Parses and runs the command that was typed, prints its report or error, and returns its exit
+/// code: 0 for success, 1 for a report that does not pass, 2 for an error.
 fn run_typed() -> u8 {
+    // On a small stack, the parser would crash without a message.
     if std::thread::current().name() == Some("main")
         && let Some(bytes) = main_stack().filter(|bytes| *bytes < STACK)
     {
@@ -258,19 +263,10 @@ fn run_typed() -> u8 {
         Ok(typed) => typed,
         Err(error) => return usage(&error),
     };
-    let done = on_threads(args.threads, || run_warned(&args.verb, args.json)).and_then(|report| {
-        let text = match args.json {
-            true => escaped(&format!("{}\n", report.json), |c| format!("\\u{c:04x}")),
-            false => printable(&report.text),
-        };
-        if report.aside {
-            let _ = std::io::stderr().write_all(text.as_bytes());
-        } else {
-            print_out(&text)?;
-        }
-        Ok(report.passed)
-    });
-    match done {
+    let reader = if args.json { Reader::Program } else { Reader::Person };
+    let printed = on_threads(args.threads, || run_warned(&args.verb, reader))
+        .and_then(|report| print_report(&report, args.json).map(|()| report.passed));
+    match printed {
         Ok(passed) => u8::from(!passed),
         Err(error) => {
             let (mut verb, mut matches) = (&command, &matches);
@@ -282,13 +278,28 @@ fn run_typed() -> u8 {
     }
 }
 
+/// Prints a report as text, or as JSON if `is_json` is true. Control characters are escaped.
+fn print_report(report: &Report, is_json: bool) -> Result<()> {
+    let text = if is_json {
+        escaped(&format!("{}\n", report.json), |c| format!("\\u{c:04x}"))
+    } else {
+        printable(&report.text)
+    };
+    if report.aside {
+        // As for every message, a failure to print on stderr is ignored.
+        let _ = std::io::stderr().write_all(text.as_bytes());
+        return Ok(());
+    }
+    print_out(&text)
+}
+
 /// Runs a command for a calling program, and returns its report instead of printing it.
 ///
 /// # Errors
 ///
 /// [`Error::Input`] for arguments that are refused, and the errors of the verb.
 pub fn report_of(words: &[String]) -> Result<Report> {
-    // For a calling program, help and version are results, and refused arguments an error.
+    // For a calling program, help and version are results, and refused arguments are an error.
     let words = std::iter::once("noctograph").chain(words.iter().map(String::as_str));
     let args = command().try_get_matches_from(words);
     match args.and_then(|matches| CommandLine::from_arg_matches(&matches)) {
@@ -296,29 +307,34 @@ pub fn report_of(words: &[String]) -> Result<Report> {
         Err(error) if !error.use_stderr() => {
             Ok(Report::new(error.render().to_string(), Value::Null))
         }
-        Err(error) => {
-            let named = |kind| match error.get(kind)? {
-                ContextValue::String(name) => Some(name.clone()),
-                ContextValue::Strings(names) => Some(names.join(", ")),
-                _ => None,
-            };
-            let names = named(ContextKind::ValidValue).map(|names| format!("one of {names}"));
-            let near = named(ContextKind::SuggestedArg).or(named(ContextKind::SuggestedValue));
-            let wanted = names.unwrap_or_else(|| "those of the command".to_owned());
-            let hint = near.map_or("the verb with --help lists them".into(), |near| near + "?");
-            Err(Error::input("options", refused(&error), wanted, hint))
-        }
+        Err(error) => Err(input_error(&error)),
     }
 }
 
-/// Returns the first line of clap's reason for refusing arguments.
+/// Returns the error for refused arguments, with the valid values and the most similar argument or
+/// value, if clap names them.
+fn input_error(error: &clap::Error) -> Error {
+    let context = |kind| match error.get(kind)? {
+        ContextValue::String(name) => Some(name.clone()),
+        ContextValue::Strings(names) => Some(names.join(", ")),
+        _ => None,
+    };
+    let values = context(ContextKind::ValidValue).map(|values| format!("one of {values}"));
+    let near = context(ContextKind::SuggestedArg).or(context(ContextKind::SuggestedValue));
+    let wanted = values.unwrap_or_else(|| "those of the command".to_owned());
+    let hint = near.map_or("the verb with --help lists them".into(), |near| near + "?");
+    Error::input("options", refused(error), wanted, hint)
+}
+
+/// Returns the first line of clap's reason for refusing arguments, without the word `found` at its
+/// end, because an input error begins with that word.
 fn refused(error: &clap::Error) -> String {
     let text = error.render().to_string();
     let first = text.lines().next().unwrap_or_default().trim_start_matches("error: ");
     first.trim_end_matches(" found").to_owned()
 }
 
-/// Prints an error, its hint and further advice, and returns the exit code 2.
+/// Prints an error, its hint and further advice. Returns the exit code of an error, 2.
 fn failed(error: &Error, advice: &[String]) -> u8 {
     message("error: ", &error.to_string());
     message("hint: ", error.hint());
@@ -346,14 +362,16 @@ fn usage(error: &clap::Error) -> u8 {
     2
 }
 
-/// Maximum number of worker threads, enough for the largest machines.
+/// Maximum number of worker threads. No machine has as many cores, and each thread takes memory for
+/// its stack.
 const MAX_THREADS: usize = 1024;
 
-/// Stack size of a thread in bytes. It is set, because the main thread's stack may have only a few
-/// pages (`ulimit -s`).
+/// Stack size of a thread in bytes, which is the usual size of a main thread's stack on Linux. The
+/// main thread itself may have only a few pages (`ulimit -s`).
 pub const STACK: usize = 8 << 20;
 
-/// Returns the size limit of the main thread's stack in bytes, on Linux.
+/// Returns the size limit of the main thread's stack in bytes. Returns `None` if the size is
+/// unlimited, and on other systems than Linux.
 #[expect(clippy::disallowed_methods, reason = "a file of the kernel")]
 fn main_stack() -> Option<usize> {
     let limits = std::fs::read_to_string("/proc/self/limits").ok()?;
@@ -362,17 +380,17 @@ fn main_stack() -> Option<usize> {
 }
 
 /// Runs `work` on the given number of threads. 0 stands for one thread per processor core, or fewer
-/// if the system refuses to start that many. If it starts none, the current thread runs `work`.
-/// Returns [`Error::Input`] for too many threads.
+/// if the system refuses to start that many, which a note says. If the system starts none, the
+/// current thread runs `work`. Returns [`Error::Input`] for too many threads, and
+/// [`Error::Infeasible`] if the system does not start a number of threads that was typed.
 fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
     if threads > MAX_THREADS {
         let wanted = format!("at most {MAX_THREADS}");
         return Err(Error::input("threads", threads, wanted, "0 starts one thread per core"));
     }
-    // A number that the user typed is never reduced. The default number is halved until the system
-    // starts all threads.
     let pool = |n: usize| rayon::ThreadPoolBuilder::new().num_threads(n).stack_size(STACK).build();
     if threads > 0 {
+        // A number that the user typed is never reduced.
         let pool = pool(threads).map_err(|error| {
             Error::infeasible(
                 format!("cannot start {threads} threads: {error}"),
@@ -381,6 +399,7 @@ fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) 
         })?;
         return pool.install(work);
     }
+    // The default number is halved until the system starts all threads.
     let cores = std::thread::available_parallelism().map_or(1, NonZero::get).min(MAX_THREADS);
     let mut fewer = std::iter::successors(Some(cores), |n| Some(n / 2)).take_while(|n| *n > 0);
     if let Some(pool) = fewer.find_map(|n| pool(n).ok()) {
@@ -399,19 +418,30 @@ fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) 
     work()
 }
 
-/// Runs a verb for a caller that displays its messages. If the verb fails, they are printed.
+/// Reader of a report.
+#[derive(Clone, Copy, PartialEq)]
+enum Reader {
+    /// A person, who reads the text.
+    Person,
+    /// A program, which reads the JSON object.
+    Program,
+}
+
+/// Runs a verb whose messages are kept for the warnings in its JSON object, which the caller
+/// displays. If the verb fails, the messages so far are printed as warnings.
 fn run_quietly(verb: &Verb) -> Result<Report> {
-    let report = quietly(|| run_warned(verb, true));
+    let report = quietly(|| run_warned(verb, Reader::Program));
     warn(take_warnings());
     report
 }
 
 /// Runs a verb, and adds the warnings that the verb printed to its JSON object. The digest of the
-/// photo is added for programs (`for_programs`) only, because it takes time.
-fn run_warned(verb: &Verb, for_programs: bool) -> Result<Report> {
+/// photo is added only for a program, because it takes time.
+fn run_warned(verb: &Verb, reader: Reader) -> Result<Report> {
+    // Warnings of an earlier command in this process do not belong to this one.
     take_warnings();
     let mut report = run(verb)?;
-    if let Some(photo) = report.photo.take().filter(|_| for_programs) {
+    if let Some(photo) = report.photo.take().filter(|_| reader == Reader::Program) {
         report.value("photo_sha256", sha256(&photo));
     }
     let mut warned = take_warnings();

@@ -18,7 +18,8 @@ where
     names::<T>().try_map(|name| name.parse::<T>())
 }
 
-/// Returns a parser that accepts the names of a choice, and yields the name.
+/// Returns a parser that accepts the names of a choice, and yields the name. Its help explains each
+/// name.
 pub(super) fn names<T: Described>() -> PossibleValuesParser {
     let variants = match T::SHAPE {
         Shape::Names(variants) | Shape::Tagged(variants) => variants,
@@ -33,9 +34,10 @@ pub(super) fn names<T: Described>() -> PossibleValuesParser {
     names.collect::<Vec<_>>().into()
 }
 
-/// Parses `N` numbers that are separated by any of the given characters.
-pub(super) fn numbers<const N: usize>(text: &str, signs: &[char]) -> Option<[f64; N]> {
-    let numbers = text.split(signs).map(|number| number.trim().parse().ok());
+/// Parses `N` numbers that are separated by any of the given characters. Returns `None` for another
+/// number of them, and for other texts.
+pub(super) fn numbers<const N: usize>(text: &str, separators: &[char]) -> Option<[f64; N]> {
+    let numbers = text.split(separators).map(|number| number.trim().parse().ok());
     numbers.collect::<Option<Vec<f64>>>()?.try_into().ok()
 }
 

@@ -60,8 +60,9 @@ impl Report {
         self.text += &line(name, text);
     }
 
-    /// Returns the report with the paths of the files that were written. The text is sent to
-    /// standard error if one of the files is standard output.
+    /// Returns the report with the paths of the files that were written, at the end of the text and
+    /// under the key `files`. The text is sent to standard error if one of the files is standard
+    /// output.
     pub(super) fn with_files(mut self, files: &[PathBuf]) -> Self {
         // Paths are not wrapped, so that they can be copied.
         for (index, file) in files.iter().enumerate() {
@@ -75,14 +76,14 @@ impl Report {
         self
     }
 
-    /// Returns the report with the result that determines the exit code, which is that of success
-    /// if it `passed`.
+    /// Returns the report with the result that determines the exit code, which is 0 if it `passed`
+    /// and otherwise 1.
     pub(super) fn passes(self, passed: bool) -> Self {
         Self { passed, ..self }
     }
 }
 
-/// Returns a path as a shell word, quoted if necessary.
+/// Returns a path as a word for the shell of this operating system, quoted if necessary.
 pub(super) fn shell_word(path: &Path) -> String {
     let text = path.display().to_string();
     let is_plain = |c: char| c.is_alphanumeric() || "/._-+,:@=".contains(c) || MAIN_SEPARATOR == c;
@@ -108,7 +109,8 @@ pub(super) fn typed_command() -> String {
     std::iter::once("noctograph".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
 }
 
-/// Returns an argument without the folders of an absolute path that is the argument or its value.
+/// Returns an argument without the folders of an absolute path, if the argument or its value after
+/// `=` is such a path. Quotation marks around the path are also removed.
 pub(super) fn without_folders(word: &str) -> String {
     let value = word.rsplit_once('=').map_or(word, |(_, value)| value);
     match value.trim_matches(['"', '\'', ' ']) {

@@ -32,6 +32,7 @@ pub(super) enum Outputs {
 impl Outputs {
     /// Opens `path` for the files of `n_drones`. For one drone, `path` is a table (`kind.csv` by
     /// default) with its scene beside it, and for several drones a folder (`kinds` by default).
+    /// Returns [`Error::Input`] for a single table of several drones.
     pub(super) fn create(path: Option<&Path>, kind: &'static str, n_drones: usize) -> Result<Self> {
         if let Some(path) = path.filter(|path| n_drones > 1 && is_csv(path) && !path.is_dir()) {
             let (actual, hint) = (format!("a single file for {n_drones} drones"), "leave out .csv");
@@ -57,7 +58,9 @@ impl Outputs {
         })
     }
 
-    /// Writes the table of each drone with `write`, together with the scene. Returns the paths.
+    /// Writes the table of each drone with `write`, together with the scene. Without a scene,
+    /// removes an earlier scene beside a single table. In a folder, removes the tables of an
+    /// earlier set with more drones. Returns the paths.
     pub(super) fn keep<T>(
         self,
         items: &[T],
@@ -68,15 +71,15 @@ impl Outputs {
         match self {
             Self::One(file, beside) => {
                 let file = file.write_with(|out| write(&items[0], out))?;
-                let has_place = beside.is_some();
-                let Some((beside, scene)) = beside.zip(scene) else {
-                    let file = file.keep()?;
-                    if has_place {
-                        forget_scene(&file);
-                    }
-                    return Ok(vec![file]);
-                };
-                CarriedScene::keep_with(file, beside, scene)
+                let may_have_scene = beside.is_some();
+                if let Some((beside, scene)) = beside.zip(scene) {
+                    return CarriedScene::keep_with(file, beside, scene);
+                }
+                let file = file.keep()?;
+                if may_have_scene {
+                    forget_scene(&file);
+                }
+                Ok(vec![file])
             }
             Self::Several(path, mut folder, kind) => {
                 let mut digests = Vec::new();
@@ -95,18 +98,20 @@ impl Outputs {
     }
 }
 
-/// Returns the drone's number in the name of a file of a kind, such as 2 for `plan-2.csv`.
+/// Returns the drone's number in the name of a file of a kind, such as 2 for `plan-2.csv`, or
+/// `None` for other names.
 pub(super) fn drone_number(path: &Path, kind: &str) -> Option<usize> {
     let name = file_name(path).to_lowercase();
     name.strip_prefix(kind)?.strip_prefix('-')?.strip_suffix(".csv")?.parse().ok()
 }
 
-/// Returns the surplus files of an earlier, larger set in a folder, which the caller removes. They
-/// would otherwise be flown together with the new files.
+/// Returns the files in a folder with numbers above `n_drones`, which belong to an earlier, larger
+/// set. The caller removes them, because they would otherwise be flown together with the new files.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] with the files that do not belong to the folder's scene.
+/// [`Error::Input`] for such files that do not belong to the folder's scene, because they may be
+/// the user's.
 pub(super) fn leftovers(folder: &Path, kind: &str, n_drones: usize) -> Result<Vec<PathBuf>> {
     let files = files_in(folder)?.into_iter();
     let left = files.filter(|path| drone_number(path, kind).is_some_and(|n| n > n_drones));
@@ -136,12 +141,14 @@ pub(super) fn write_scene(
     folder.write_first(SCENE, CarriedScene::text(&files.toml, digests))
 }
 
-/// Copies the files that a scene names into the folder of the scene's file.
+/// Copies the files that a scene names into the folder of the scene's file `path`. Returns the
+/// paths of the copies.
 pub(super) fn keep_copies(path: &Path, scene: &SceneFiles) -> Result<Vec<PathBuf>> {
     WholeFile::keep_all(scene.write_copies(path)?)
 }
 
-/// Removes the scene beside a flight or plan if its new scene is written elsewhere.
+/// Removes the scene beside a flight or plan, which does not belong to the new file. A failure to
+/// remove it is ignored, because its digest then shows that it belongs to another file.
 pub(super) fn forget_scene(path: &Path) {
     let _ = std::fs::remove_file(CarriedScene::path_beside(path));
 }

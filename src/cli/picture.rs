@@ -24,11 +24,13 @@ pub(super) struct CameraFlags {
 }
 
 impl CameraFlags {
+    /// Returns true if a flag selects the camera.
     pub(super) fn is_given(&self) -> bool {
         self.camera.is_some() || self.camera_from.is_some()
     }
 
-    /// Returns the scene from which the camera is taken, with its word.
+    /// Returns the scene from which the camera is taken, with the camera that the flags select. The
+    /// scene also has the word that the camera frames.
     pub(super) fn scene(&self) -> Result<Scene> {
         let named = self.camera.as_deref().filter(|named| *named != "auto");
         let mut scene = named
@@ -37,7 +39,8 @@ impl CameraFlags {
         Ok(scene)
     }
 
-    /// Sets the camera of the scene to the one that the flags select.
+    /// Sets the camera of the scene to the one that the flags select, and prints warnings about the
+    /// EXIF of a photograph.
     pub(super) fn apply(&self, scene: &mut Scene) -> Result<()> {
         match self.camera.as_deref() {
             None => {}
@@ -99,7 +102,8 @@ pub(super) struct PictureFlags {
 }
 
 impl PictureFlags {
-    /// Sets the camera and the picture size of the scene to those that the flags select.
+    /// Sets the camera and the picture size of the scene to those that the flags select. For a
+    /// print, the sensor noise becomes that of the print's dots.
     pub(super) fn apply(&self, scene: &mut Scene) -> Result<()> {
         self.camera.apply(scene)?;
         self.stand.apply(scene)?;
@@ -114,8 +118,8 @@ impl PictureFlags {
                     Some(_) => f64::from(camera.width_px),
                     None => camera.body.figures().width_px,
                 };
-                let across = before_px / f64::from(width_px);
-                *noise = noise.resampled(across * across);
+                let ratio = before_px / f64::from(width_px);
+                *noise = noise.resampled(ratio * ratio);
             }
             (camera.width_px, camera.height_px) = (width_px, height_px);
             camera.dots_per_inch = dots_per_inch;
@@ -138,10 +142,11 @@ struct Size {
 const PAPER_MM: [f64; 7] = [1189.0, 841.0, 594.0, 420.0, 297.0, 210.0, 148.0];
 /// Length of an inch in mm.
 const MM_PER_INCH: f64 = 25.4;
-/// Smallest and largest resolution of a print.
+/// Smallest and largest resolution of a print, from a banner to a phototypesetter.
 const DOTS_PER_INCH: std::ops::RangeInclusive<f64> = 10.0..=2400.0;
 
 /// Parses a size in pixels such as `1920x1080`, or a paper size and dots per inch such as `A2@150`.
+/// Returns a message for other texts.
 fn size(text: &str) -> std::result::Result<Size, String> {
     let wanted = "wanted WIDTHxHEIGHT in pixels, such as 1920x1080, or a print: A0 to A5, or \
                   WIDTHxHEIGHTmm, with @ and its dots per inch (10 to 2400), such as A2@150";
@@ -162,6 +167,7 @@ fn print_size(paper: &str, dots: &str) -> Option<Size> {
     let dots: f64 = dots.parse().ok().filter(|dots| DOTS_PER_INCH.contains(dots))?;
     let number = paper.strip_prefix(['A', 'a']).and_then(|n| n.parse().ok());
     // Each paper size is half the previous one, so its shorter side is the longer side of the next.
+    // A6 itself is not offered, because the list has no shorter side for it.
     let mm = match number.filter(|n: &usize| *n + 1 < PAPER_MM.len()) {
         Some(n) => [PAPER_MM[n], PAPER_MM[n + 1]],
         None => numbers(paper.strip_suffix("mm")?, &['x', 'X', '×'])?,

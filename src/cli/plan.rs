@@ -13,6 +13,7 @@ use crate::flight::Flight;
 use crate::plan::Plan;
 use crate::preflight::longer_than_battery;
 use crate::report::plan_view;
+use crate::scene::Scene;
 use crate::shoot::{Planned, Shoot};
 use crate::tracking::{Part, track};
 use clap::Args;
@@ -41,19 +42,10 @@ pub(super) struct PlanArgs {
 }
 
 /// Runs the verb `plan`, which plans the flights of a word and writes them as tables, or as a
-/// drawing if the output is an SVG file.
+/// drawing if the output is an SVG file. Warns if the word is written by fewer drones than
+/// requested, and if the flight is longer than the battery lasts.
 pub(super) fn run(args: &PlanArgs) -> Result<Report> {
-    let mut scene = args.design.load(args.after.as_slice(), &[])?;
-    if let Some(path) = &args.after {
-        let flight = written_where_lit(args.flight.read(path, Some(&scene))?);
-        let earlier = track(&flight, Part::from_flight(&flight))?;
-        scene.plan.mean_error_m = earlier.mean_error_m.into();
-    }
-    scene.check()?;
-    if let Some(word) = typed_word(args.word.as_ref(), args.as_word.as_ref())? {
-        set_word(&mut scene, word);
-    }
-    frame(&mut scene)?;
+    let scene = scene(args)?;
     // The output is opened before the long computation, to refuse a wrong path early.
     let strokes = scene.strokes()?;
     let svg = args.output.as_deref().filter(|path| is_svg(path));
@@ -70,6 +62,7 @@ pub(super) fn run(args: &PlanArgs) -> Result<Report> {
     let plans: Vec<Plan> = shoot.plans.iter().map(|planned| planned.plan.clone()).collect();
     let drawing = file_name(&scene.letters.drawing);
     let title = if strokes.font.is_some() { &strokes.word } else { &drawing };
+    // A drawing shows all plans, and is written once in place of the tables.
     let files = outputs.keep(&plans, Some(&shoot.scene), |plan, mut out| match svg {
         Some(_) => out.write_all(plan_view(&plans, title, &strokes.numbers).as_bytes()),
         None => plan.write_csv(&mut out),
@@ -80,8 +73,26 @@ pub(super) fn run(args: &PlanArgs) -> Result<Report> {
     Ok(report.with_files(&files))
 }
 
-/// Marks the lit samples of a log as a single letter, because a log does not record letters.
-fn written_where_lit(mut flight: Flight) -> Flight {
+/// Returns the scene with the word that was typed, and with the mean error of an earlier flight
+/// (`--after`), which the plan subtracts.
+fn scene(args: &PlanArgs) -> Result<Scene> {
+    let mut scene = args.design.load(args.after.as_slice(), &[])?;
+    if let Some(path) = &args.after {
+        let flight = with_lit_letter(args.flight.read(path, Some(&scene))?);
+        let earlier = track(&flight, Part::from_flight(&flight))?;
+        scene.plan.mean_error_m = earlier.mean_error_m.into();
+    }
+    scene.check()?;
+    if let Some(word) = typed_word(args.word.as_ref(), args.as_word.as_ref())? {
+        set_word(&mut scene, word);
+    }
+    frame(&mut scene)?;
+    Ok(scene)
+}
+
+/// Marks the lit samples of a log as a single letter, because a log does not record letters. Leaves
+/// a flight that already has letters unchanged.
+fn with_lit_letter(mut flight: Flight) -> Flight {
     if flight.samples.iter().all(|sample| sample.letter.is_none()) {
         flight.edit(|flight| {
             for (index, sample) in flight.samples.iter_mut().enumerate() {
@@ -93,15 +104,16 @@ fn written_where_lit(mut flight: Flight) -> Flight {
     flight
 }
 
-/// Returns the time in s for which the design of a plan is lit.
+/// Returns the time in s for which the design of a plan is lit. A setpoint's light lasts until the
+/// next setpoint.
 fn light_s(plan: &Plan) -> f64 {
     let lit = plan.lit();
     let rows = plan.setpoints.windows(2).zip(&lit).filter(|(_, lit)| **lit > 0.0);
     rows.map(|(pair, _)| pair[1].time_s - pair[0].time_s).sum()
 }
 
-/// Returns the report on the plan of each drone and on all drones together. `word` names the
-/// drawing.
+/// Returns the report on the plan of each drone and on all drones together. `word` is the word, or
+/// the name of the drawing.
 fn described(word: &str, planned: &[Planned]) -> Report {
     /// Returns the duration, the lit time and the light errors at the ends of strokes of one plan
     /// as JSON. A streak is light beyond the end of a stroke.

@@ -15,11 +15,10 @@ use super::progress::watch;
 use super::spread::SpreadFlags;
 use super::terminal::warn;
 use super::{findings, flown, show};
-use crate::diagnostic::Diagnostic;
 use crate::error::Result;
 use crate::export::{Form, Length};
 use crate::expose::Developer;
-use crate::preflight::{CAMERA_PLACE, ShotPlan};
+use crate::preflight::{CAMERA_PLACE, Preflight, ShotPlan};
 use crate::report::{ShotNotes, shot_page};
 use crate::scene::Scene;
 use crate::score::Verdict;
@@ -68,46 +67,105 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     // Conditions and folder, which may be refused, are checked before the long computation.
     let conditions = args.spread.conditions()?;
     let flown = args.flown.as_deref().map(|log| flown::prepared(&shoot, log)).transpose()?;
-    let mut folder = OutputFolder::create(&args.output)?;
-    let n_numbered = Some(shoot.plans.len()).filter(|n| *n > 1).unwrap_or(0);
-    for kind in ["plan", "flight"] {
-        folder.replaces(leftovers(&args.output, kind, n_numbered)?);
+    let mut folder = opened(&args.output, shoot.plans.len())?;
+    let (shot, flown) = photographed(args, shoot, flown, developer)?;
+    let verdict = shot.verdict.as_ref();
+    let json = show::verdict_json(verdict, shot.flight_sha256());
+
+    // The files are written while the findings of `check` are computed. The spread and the helpful
+    // changes follow.
+    let (written, checked) =
+        parallel::join(|| write(&shot, &json, &args.output, &mut folder), || checked(args, &shot));
+    written?;
+    let spread = args.spread.run(&shot.shoot, &conditions, &mut folder)?;
+    let remedies = remedies_for(&shot)?;
+    let Preflight { findings, placement } = checked?;
+    warn_of_no_place(placement.as_ref());
+    // A camera behind a wall causes only a warning here, because its photo is taken nevertheless.
+    let stops = findings::stops(findings.iter().filter(|it| it.code != CAMERA_PLACE));
+    let (facts, notes) = flown.map(|flown| flown::compare(&shot, flown)).unzip();
+    let (spread, drawings) = spread.map(|shown| (shown.report, shown.drawings)).unzip();
+    let parts = Parts { json, remedies, stops: stops.as_deref(), flown: facts, spread };
+    let mut report = assembled(&shot, parts);
+    if args.report {
+        let notes = ShotNotes {
+            lead: &verdict.map_or_else(String::new, show::verdict_sentence),
+            printed: &report.text,
+            findings: &findings,
+            placement: placement.as_ref(),
+            typed: mentioned,
+            command: &typed_command(),
+            drawings: &drawings.unwrap_or_default(),
+            flown: notes.as_ref(),
+        };
+        folder.write(REPORT, shot_page(&shot, &notes)?.html())?;
     }
+    let files = folder.keep()?;
+    files.iter().filter(|file| is_csv(file)).for_each(|file| forget_scene(file));
+    let is_read = verdict.is_none_or(|verdict| verdict.legible);
+    report.photo = shot.file;
+    Ok(report.with_files(&files).passes(is_read && stops.is_none()))
+}
+
+/// Opens the output folder, from which plans and flights of an earlier set with more drones are
+/// removed when the new files are kept.
+fn opened(path: &Path, n_drones: usize) -> Result<OutputFolder> {
+    let mut folder = OutputFolder::create(path)?;
+    // The files of a single drone have no numbers, so every numbered file is a leftover.
+    let n_numbered = if n_drones > 1 { n_drones } else { 0 };
+    for kind in ["plan", "flight"] {
+        folder.replaces(leftovers(path, kind, n_numbered)?);
+    }
+    Ok(folder)
+}
+
+/// Takes the photograph of the word, and that of the real flight if `flown` is given, on the same
+/// device. Prints warnings about the first photograph.
+fn photographed(
+    args: &PreviewArgs,
+    shoot: Shoot,
+    flown: Option<Shoot>,
+    developer: Developer,
+) -> Result<(Shot, Option<Shot>)> {
     let (format, keeps_film) = (Some(Format::Png), args.report);
-    // Both photos are exposed on one device.
     let again = flown.is_some().then(|| developer.clone());
     let shot = Shoot { format, keeps_film, ..shoot }.take_by(developer, &watch())?;
     let flown =
         flown.zip(again).map(|(flown, again)| flown.take_by(again, &watch())).transpose()?;
-    let sentence = |problem: &Diagnostic| problem.sentence(mentioned);
-    let problems = |are: bool| shot.problems.iter().filter(move |it| it.is_stop() == are);
-    let obstacles: Vec<String> = problems(true).map(sentence).collect();
-    warn(problems(false).map(sentence));
+    let warnings = shot.problems.iter().filter(|problem| !problem.is_stop());
+    warn(warnings.map(|problem| problem.sentence(mentioned)));
+    Ok((shot, flown))
+}
 
-    // After the photograph is taken, its files are written while the findings of `check` are
-    // computed. The spread and the helpful changes follow.
-    let verdict = shot.verdict.as_ref();
-    let json = show::verdict_json(verdict, shot.flight_sha256());
+/// Returns the findings and the positions in the room. The checks of memory and picture, which need
+/// more time, are made only for the page of `--report`.
+fn checked(args: &PreviewArgs, shot: &Shot) -> Result<Preflight> {
     let profile = args.profile.profile(&shot.shoot.scene);
-    let (written, (findings, placement)) = parallel::join(
-        || write(&shot, &json, &args.output, &mut folder),
-        || {
-            let findings = match args.report {
-                true => shot.preflight(&profile).map(|preflight| preflight.findings),
-                false => shot.findings(&profile),
-            };
-            (findings, shot.placement(&profile))
-        },
-    );
-    written?;
-    let spread = args.spread.run(&shot.shoot, &conditions, &mut folder)?;
-    let remedies = remedies_for(&shot)?;
-    let (findings, placement) = (findings?, placement?);
-    warn_of_no_place(placement.as_ref());
-    // A camera behind a wall causes only a warning here, because its photo is taken nevertheless.
-    let stops = findings::stops(findings.iter().filter(|it| it.code != CAMERA_PLACE));
+    let findings =
+        if args.report { shot.preflight(&profile)?.findings } else { shot.findings(&profile)? };
+    Ok(Preflight { findings, placement: shot.placement(&profile)? })
+}
 
-    // The parts of the report are added in reading order.
+/// Parts of the report on a photograph that are computed after the photograph is taken.
+struct Parts<'a> {
+    /// Verdict as JSON.
+    json: Value,
+    /// Changes of settings that make the word more legible.
+    remedies: Vec<Remedy>,
+    /// Findings that stop the flight, as text.
+    stops: Option<&'a str>,
+    /// Report on the real flight.
+    flown: Option<Report>,
+    /// Report on the ensemble.
+    spread: Option<Report>,
+}
+
+/// Returns the report on a photograph, with its parts in reading order.
+fn assembled(shot: &Shot, parts: Parts<'_>) -> Report {
+    let Parts { json, remedies, stops, flown, spread } = parts;
+    // Obstacles make any word unreadable. The first one is printed above the verdict.
+    let obstacles = shot.problems.iter().filter(|problem| problem.is_stop());
+    let obstacles: Vec<String> = obstacles.map(|problem| problem.sentence(mentioned)).collect();
     let flights = shot.flights.iter().zip(shot.digests()).zip(shot.tracking());
     let flights =
         flights.map(|((flight, sha256), known)| show::flight_report(flight, sha256, *known));
@@ -118,48 +176,24 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     let mut report = Report::new(String::new(), json);
     report.value("flights", flights.iter().map(|flight| &flight.json).collect::<Vec<_>>());
     report.value("remedies", changes.collect::<Vec<_>>());
-    if let Some(obstacle) = obstacles.first() {
-        report.line("photo", obstacle);
-    }
-    report.text += &verdict_text(&shot, &remedies);
+    report.text.extend(obstacles.first().map(|obstacle| line("photo", obstacle)));
+    report.text += &verdict_text(shot, &remedies);
     report.text.push('\n');
     report.value("obstacles", obstacles);
-    report.value("stops", &stops);
-    report.text.extend(stops.iter().map(|stops| wrapped("check     not safe to fly: ", stops)));
+    report.value("stops", stops);
+    report.text.extend(stops.map(|stops| wrapped("check     not safe to fly: ", stops)));
     report.add(show::drawing(shot.shoot.strokes.as_ref()));
     report.text.extend(flights.iter().map(|flight| &*flight.text));
-    report.add(show::camera(&shot));
-    let flown = flown.map(|flown| flown::compare(&shot, flown));
-    let flown = flown.map(|(facts, notes)| {
-        report.add(facts);
-        notes
-    });
-    let mut drawings = Vec::new();
+    report.add(show::camera(shot));
+    if let Some(flown) = flown {
+        report.add(flown);
+    }
     if let Some(spread) = spread {
-        report.text += &spread.report.text;
-        report.value("spread", spread.report.json);
-        drawings = spread.drawings;
+        report.text += &spread.text;
+        report.value("spread", spread.json);
     }
-    report.add(show::backend(&shot));
-    if args.report {
-        let notes = ShotNotes {
-            lead: &verdict.map_or_else(String::new, show::verdict_sentence),
-            printed: &report.text,
-            findings: &findings,
-            placement: placement.as_ref(),
-            typed: mentioned,
-            command: &typed_command(),
-            drawings: &drawings,
-            flown: flown.as_ref(),
-        };
-        let html = shot_page(&shot, &notes)?.html();
-        folder.write(REPORT, html)?;
-    }
-    let files = folder.keep()?;
-    files.iter().filter(|file| is_csv(file)).for_each(|file| forget_scene(file));
-    let is_read = verdict.is_none_or(|verdict| verdict.legible);
-    report.photo = shot.file;
-    Ok(report.with_files(&files).passes(is_read && stops.is_none()))
+    report.add(show::backend(shot));
+    report
 }
 
 /// Returns the shoot of the word or the plans, with exported trajectories if they are requested.
@@ -177,7 +211,7 @@ fn planned(args: &PreviewArgs) -> Result<Shoot> {
     Ok(if form == Form::Compressed { shoot.by_firmware_clock() } else { shoot })
 }
 
-/// Warns if the room has no place for the scene's camera.
+/// Warns if the scene's camera does not fit in the room, with the reason.
 fn warn_of_no_place(placement: Option<&ShotPlan>) {
     let camera = placement.and_then(|plan| plan.cameras.first());
     warn(camera.filter(|camera| camera.tripod_m.is_none()).map(|camera| {
@@ -188,14 +222,14 @@ fn warn_of_no_place(placement: Option<&ShotPlan>) {
 }
 
 /// Writes the files of the photograph, the scene and, for a word, the verdict into a folder whose
-/// final path is `path`.
+/// final path is `path`. Without a verdict, an earlier verdict in the folder is removed.
 fn write(shot: &Shot, verdict: &Value, path: &Path, folder: &mut OutputFolder) -> Result<()> {
     let digests = shot.each_file(|name, write| folder.write_with(name, |out| write(out)))?;
     write_scene(&shot.shoot.scene, path, folder, digests)?;
     let former = path.join(VERDICT);
     match shot.verdict {
         Some(_) => folder.write(VERDICT, format!("{verdict:#}\n")).map(drop)?,
-        // The file of an earlier verdict, which is not about this photograph, is removed.
+        // The earlier verdict is not about this photograph.
         None if former.is_file() => folder.replaces(vec![former]),
         None => {}
     }

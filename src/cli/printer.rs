@@ -97,10 +97,10 @@ fn filled(line: &str, scopes: &[&Value]) -> String {
 
 /// Returns a name with text wrapped beside it, or below it if the name is as wide as its column.
 fn beside(name: &str, width: usize, text: &str) -> String {
-    match name.chars().count() < width.max(1) {
-        true => wrapped(&format!("{name:width$}"), text),
-        false => wrapped("", name) + &wrapped(&" ".repeat(width), text),
+    if name.chars().count() < width.max(1) {
+        return wrapped(&format!("{name:width$}"), text);
     }
+    wrapped("", name) + &wrapped(&" ".repeat(width), text)
 }
 
 /// Returns a line that consists of a name and text beside it.
@@ -127,20 +127,12 @@ fn fill(line: &str, scopes: &[&Value]) -> Option<String> {
 
 /// Returns the text for the path between braces, or `None` if its value is null. The forms are
 /// `path?yes:no` and `path*factor:digits~missing`, in which every part except the path is optional.
+/// The digits of a string, such as `.4`, limit its number of characters.
 fn figure(figure: &str, scopes: &[&Value]) -> Option<String> {
     if let Some((path, words)) = figure.split_once('?') {
-        let (yes, no) = words.split_once(':').unwrap_or((words, ""));
-        let is_set = match value(path, scopes) {
-            None => return Some(unknown(path)),
-            Some(Value::Null) => false,
-            Some(Value::Bool(is_set)) => *is_set,
-            Some(Value::Array(items)) => !items.is_empty(),
-            Some(_) => true,
-        };
-        return Some(if is_set { yes } else { no }.to_owned());
+        return Some(choice(path, words, scopes));
     }
-
-    // The marks are split off from the end, so that none can stand within another part.
+    // The marks are split off from the end, so that no part can contain the mark of a later part.
     let (figure, missing) =
         figure.split_once('~').map_or((figure, None), |(figure, words)| (figure, Some(words)));
     let (path, digits) = figure.split_once(':').unwrap_or((figure, ""));
@@ -164,7 +156,22 @@ fn figure(figure: &str, scopes: &[&Value]) -> Option<String> {
     Some(text)
 }
 
-/// Returns a number as text with digits such as `+.2` or `.3e`.
+/// Returns the first of two words, separated by a colon, if the value at a path is true, or if it
+/// is a string, a number or a list with items. Otherwise returns the second word.
+fn choice(path: &str, words: &str, scopes: &[&Value]) -> String {
+    let (yes, no) = words.split_once(':').unwrap_or((words, ""));
+    let is_set = match value(path, scopes) {
+        None => return unknown(path),
+        Some(Value::Null) => false,
+        Some(Value::Bool(is_set)) => *is_set,
+        Some(Value::Array(items)) => !items.is_empty(),
+        Some(_) => true,
+    };
+    if is_set { yes } else { no }.to_owned()
+}
+
+/// Returns a number as text with digits such as `+.2` or `.3e`. Without a number of digits, the
+/// shortest text that yields the same number is returned.
 fn in_digits(number: f64, digits: &str) -> String {
     let (sign, digits) = digits.strip_prefix('+').map_or(("", digits), |digits| ("+", digits));
     let (digits, is_power) = digits.strip_suffix('e').map_or((digits, false), |n| (n, true));
@@ -222,9 +229,8 @@ pub(super) fn table(head: &str, rows: &[Vec<String>]) -> String {
     let heads = [names, units].into_iter().take(if has_units { 2 } else { 1 });
     let heads: Vec<Vec<String>> = heads.filter(|_| !rows.is_empty()).collect();
     let lines = heads.iter().chain(rows).map(|cells| {
-        let padded = columns.iter().zip(cells).map(|((.., right, width), cell)| match right {
-            true => format!("{cell:>width$}"),
-            false => format!("{cell:width$}"),
+        let padded = columns.iter().zip(cells).map(|((.., is_right, width), cell)| {
+            if *is_right { format!("{cell:>width$}") } else { format!("{cell:width$}") }
         });
         padded.collect::<String>().trim_end().to_owned() + "\n"
     });

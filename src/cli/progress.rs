@@ -15,7 +15,9 @@ pub(super) struct Progress {
     bar: Option<ProgressBar>,
 }
 
+/// Number of steps of a full bar.
 const STEPS: u64 = 1000;
+/// Time after which the bar appears.
 const PATIENCE: Duration = Duration::from_secs(1);
 
 impl Progress {
@@ -47,7 +49,8 @@ impl Progress {
 }
 
 /// Returns a callback that shows the progress of a shoot, given a stage and its finished fraction
-/// from 0 to 1. An exposure is shown without its fraction.
+/// from 0 to 1. An exposure is shown by a spinner without its fraction. A finished exposure removes
+/// the spinner.
 pub(super) fn watch() -> impl Fn(Stage, f64) + Sync {
     let shown: Mutex<(Option<Progress>, Option<ProgressBar>)> = Mutex::default();
     move |stage, done| {

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use super::outcome::Report;
+use super::output::OutputFolder;
 use super::studies::{
     GRADED, RANKING, StudyFlags, counter, open_results, open_store, ranking_report, write_ranking,
 };
@@ -13,8 +14,8 @@ use crate::report::acuity_sheet;
 use crate::scene::{NamedScene, SceneTask};
 use crate::shoot::Stop;
 use crate::studies::{
-    Conditions, Record, Shard, Study, Trial, Unranked, acuity, evaluate, fly_ladder, least_flights,
-    rank, shards, submissions,
+    Acuity, Conditions, Shard, Store, Study, Trial, Unranked, acuity, evaluate, fly_ladder,
+    least_flights, rank, shards, submissions,
 };
 use clap::Args;
 use serde_json::json;
@@ -66,6 +67,8 @@ pub(super) struct RankArgs {
 /// TEA ranges from 0.68 to 0.96 are divided into eight distinguishable ranks, but with 20 seeds
 /// only into two.
 const GRADED_SEEDS: u32 = 100;
+/// Default number of seeds per word without a task.
+const RANKED_SEEDS: u32 = 50;
 
 /// Runs the verb `rank`, which flies scenes or submissions in the same conditions, and ranks them.
 /// With `--shard`, only a part of the flights is flown and stored. The report passes if no
@@ -74,28 +77,16 @@ pub(super) fn run(args: &RankArgs) -> Result<Report> {
     let shard = args.shard.as_deref().map(str::parse::<Shard>).transpose()?;
     let conditions = args.study.conditions()?;
     let (contenders, unranked) = args.contenders(&conditions)?;
-    // If all submissions were refused, there are no contenders, and the ranking only lists them.
-    let least = least_flights(contenders.len());
-    let usual = if args.task.is_some() { GRADED_SEEDS } else { 50 };
+    let usual = if args.task.is_some() { GRADED_SEEDS } else { RANKED_SEEDS };
     let (words, seed) = (args.study.words(usual)?, args.study.seed);
     let study = Study { contenders, words, conditions, seed };
+    // If all submissions were refused, there are no contenders, and the ranking only lists them.
     if unranked.is_empty() || !study.contenders.is_empty() {
         study.check()?;
     }
     if args.task.is_some() {
-        let (n, refused) = (study.contenders.len(), unranked.len());
-        let each = study.n_trials() / n.max(1);
-        let of_each = if n == 1 { "submission flies" } else { "submissions fly" };
-        let are = if refused == 1 { "is" } else { "are" };
-        message(
-            "note: ",
-            &format!(
-                "{n} {of_each} {each} times each; at least {least} are needed to distinguish two; \
-                 {refused} {are} refused"
-            ),
-        );
+        announce(&study, unranked.len());
     }
-    // A shard flies only its part of the flights, without a ranking.
     if let (Some(shard), Some(parts)) = (shard, &args.parts) {
         let bar = counter("flying", study.n_trials().div_ceil(shard.count));
         let (path, flights) = shard.fly(&study, parts, &bar)?;
@@ -115,25 +106,45 @@ pub(super) fn run(args: &RankArgs) -> Result<Report> {
     let mut results = open_results(&args.output, &names)?;
     let trials: Vec<Trial> = study.trials().collect();
     let bar = counter("flying", trials.len());
-    let stop = Stop::default();
-    let records: Vec<Record> = evaluate(&study, &ready, &trials, Some(&store), &stop, &bar)?;
+    let records = evaluate(&study, &ready, &trials, Some(&store), &Stop::default(), &bar)?;
     drop(bar);
     let mut ranking = rank(&study, &records);
     ranking.unranked = unranked;
     if !ladder.is_empty() {
-        let ready = ladder.iter().map(Study::prepare).collect::<Result<Vec<_>>>()?;
-        let n_flights = ladder.iter().map(Study::n_trials).sum();
-        let bar = counter("flying smaller", n_flights);
-        let records = fly_ladder(&ladder, &ready, Some(&store), &bar)?;
-        drop(bar);
-        let limits = acuity(&ladder, &records);
-        let chart = acuity_sheet(&ladder, &ready, &limits, &records)?;
-        results.write(ACUITY, encode_png(&chart, None, &[]))?;
-        ranking.acuity = Some(limits);
+        ranking.acuity = Some(measured_acuity(&ladder, &store, &mut results)?);
     }
     let files = write_ranking(results, args.task.is_some(), &study, &ready, &ranking, &records)?;
     let report = ranking_report(&study, &ranking, records.len()).with_files(&files);
     Ok(report.passes(ranking.unranked.is_empty()))
+}
+
+/// Prints a note on how often each submission flies, and how many flights are needed to distinguish
+/// two submissions.
+fn announce(study: &Study, n_refused: usize) {
+    let n = study.contenders.len();
+    let (each, least) = (study.n_trials() / n.max(1), least_flights(n));
+    let submissions_fly = if n == 1 { "submission flies" } else { "submissions fly" };
+    let are = if n_refused == 1 { "is" } else { "are" };
+    message(
+        "note: ",
+        &format!(
+            "{n} {submissions_fly} {each} times each; at least {least} are needed to distinguish \
+             two; {n_refused} {are} refused"
+        ),
+    );
+}
+
+/// Flies the studies of a ladder of letter heights, and writes the chart of their photos. Returns
+/// the smallest legible height of each scene.
+fn measured_acuity(ladder: &[Study], store: &Store, results: &mut OutputFolder) -> Result<Acuity> {
+    let ready = ladder.iter().map(Study::prepare).collect::<Result<Vec<_>>>()?;
+    let bar = counter("flying smaller", ladder.iter().map(Study::n_trials).sum());
+    let records = fly_ladder(ladder, &ready, Some(store), &bar)?;
+    drop(bar);
+    let limits = acuity(ladder, &records);
+    let chart = acuity_sheet(ladder, &ready, &limits, &records)?;
+    results.write(ACUITY, encode_png(&chart, None, &[]))?;
+    Ok(limits)
 }
 
 /// Name of the chart of photographs with decreasing letter heights.
@@ -147,7 +158,8 @@ impl RankArgs {
         n_seeds.map_or_else(|| Ok(Vec::new()), |n_seeds| study.ladder(n_seeds))
     }
 
-    /// Returns the accepted scenes or submissions, and the refused submissions.
+    /// Returns the accepted scenes or submissions, and the refused submissions. Warns of files that
+    /// are no submissions.
     fn contenders(&self, conditions: &Conditions) -> Result<(Vec<NamedScene>, Vec<Unranked>)> {
         let scene = |named: &String| self.study.scene(named, conditions);
         let Some(task) = &self.task else {

@@ -28,16 +28,18 @@ pub(super) struct ReadArgs {
     camera: CameraFlags,
 }
 
-/// Probability from which a single mark that is no writing is named.
+/// Probability from which a note names a single mark that is too unclear to be writing. Below it,
+/// the mark resembles no letter.
 const NOTED: f64 = 0.4;
 /// Angle of a quarter turn in degrees.
 const QUARTER_DEG: usize = 90;
 
-/// Runs the verb `read`, which reads the writing in a photo. The report passes if any is found.
+/// Runs the verb `read`, which reads the writing in a photo. The report passes if any writing is
+/// found. A note names a single mark that is almost clear enough to be writing.
 pub(super) fn run(args: &ReadArgs) -> Result<Report> {
     let photo = photo::read(&args.photo)?;
     let photo = square_on(photo, args.corners.as_ref(), &args.camera)?;
-    // A single mark must be clearer than the letters of a word. A note names one that is not.
+    // A single mark must be clearer than the letters of a word.
     let reading = read_upright(photo, "").1;
     let single = match reading.letters[..] {
         [ReadLetter { letter, p, .. }] => Some((letter, p)),
@@ -63,9 +65,10 @@ const LAYOUT: &str = "\
 {letter}|{p:.2}
 ";
 
-/// Reads a photo, rotated until its writing, or `word` if one is given, is upright. Returns the
-/// rotated photo and the reading. Prints a note on mirrored writing, which is flipped if no word is
-/// given.
+/// Reads a photo, rotated until its writing is upright, or until `word` is if it is not empty.
+/// Returns the rotated photo and the reading. Mirrored writing is flipped if no word is given and
+/// the writing is clear only when it is flipped. Prints notes on a rotation, on mirrored or smaller
+/// writing, and on a bright border.
 pub(super) fn read_upright(photo: Photo, word: &str) -> (Photo, Reading) {
     if has_bright_edge(&photo) {
         message("note: ", "the photo's border is bright: crop the photo, or invert dark writing");
@@ -77,8 +80,9 @@ pub(super) fn read_upright(photo: Photo, word: &str) -> (Photo, Reading) {
         message("note: ", &format!("smaller writing is ignored: {text}"));
     }
     if quarters == 0 {
-        let mirrored_reading = read_mirrored(&photo, &reading, word);
-        let Some((flipped, turns)) = mirrored_reading else { return (photo, reading) };
+        let Some((flipped, turns)) = read_mirrored(&photo, &reading, word) else {
+            return (photo, reading);
+        };
         let text = flipped.text.replace('\n', " ");
         let is_doubtful = word.is_empty() && reading.is_clear();
         let how_sure = if is_doubtful { "may be" } else { "is" };

@@ -32,7 +32,8 @@ const LIMIT: Limit =
 const MAX_FILES: usize = 40;
 /// Maximum number of rows of a table in a page.
 const MAX_ROWS: usize = 60;
-/// Minimum number of columns at which a table with fewer rows than columns is transposed.
+/// Maximum number of columns of a table that is not transposed, and number of rows from which no
+/// table is transposed.
 const MAX_COLUMNS: usize = 8;
 /// Maximum size, in bytes, of a table that a page shows. Tables of flights are larger.
 const MAX_TABLE_BYTES: u64 = 200_000;
@@ -42,24 +43,19 @@ const MAX_PX: u32 = 1920;
 const QUALITY: u8 = 82;
 
 /// Runs the verb `report`, which shows the photos, drawings, settings and tables of a folder in one
-/// HTML page.
+/// HTML page. The page has at most [`MAX_FILES`] files, and says how many it leaves out. The report
+/// lists the files that are not shown.
 pub(super) fn run(args: &ReportArgs) -> Result<Report> {
     let files = files_in(&args.folder)?;
     let output = Output::create(&args.output)?;
     let title = name(std::path::absolute(&args.folder).unwrap_or_else(|_| args.folder.clone()));
-    // The page and the report list the files that are not shown.
     let (mut shown, mut page) = (Vec::new(), Page::new(&title, &lead(&files)?));
-    // The files are sorted into photos, drawings, settings and tables.
-    fn rank(path: &&PathBuf) -> Option<usize> {
-        let order = ["png", "svg", "toml", "csv"];
-        order.iter().position(|end| *end == ending(path))
-    }
-    let others = entries_in(&args.folder)?;
-    let others = others.iter().filter(|path| !files.contains(path) || !shows(path)).map(name);
+    let entries = entries_in(&args.folder)?;
+    let others = entries.iter().filter(|path| !files.contains(path) || !is_shown(path)).map(name);
     let others: Vec<String> = others.collect();
-    // The number of files in a page is limited.
-    let mut files: Vec<&PathBuf> = files.iter().filter(|path| shows(path)).collect();
-    files.sort_by_key(rank);
+    let mut files: Vec<&PathBuf> = files.iter().filter(|path| is_shown(path)).collect();
+    files.sort_by_key(|path| rank(path));
+    // A page of hundreds of photos would be too large for a browser.
     let n_more = files.len().saturating_sub(MAX_FILES);
     for path in files.into_iter().take(MAX_FILES) {
         let name = name(path);
@@ -92,15 +88,21 @@ left out  {more} files, because a page shows at most {most}
 not shown\t{others}
 ";
 
-/// True if a file is shown in the page.
-fn shows(path: &Path) -> bool {
-    let small = || path.metadata().is_ok_and(|file| file.len() <= MAX_TABLE_BYTES);
+/// Returns the sort key of a file in the page: photos first, then drawings, settings and tables.
+fn rank(path: &Path) -> Option<usize> {
+    ["png", "svg", "toml", "csv"].iter().position(|end| *end == ending(path))
+}
+
+/// Returns true if a file is shown in the page: a photo, a drawing, the scene, or a small table
+/// that is not a time series.
+fn is_shown(path: &Path) -> bool {
+    let is_small = || path.metadata().is_ok_and(|file| file.len() <= MAX_TABLE_BYTES);
     match &*ending(path) {
         "png" | "svg" => true,
-        // Large tables and time series, such as flights, are not shown.
+        // `flights.csv` has a row for each flight of a study.
         "csv" => {
             let is_over_time = |table: Vec<u8>| table.starts_with(b"time_s");
-            name(path) != "flights.csv" && small() && !LIMIT.read(path).is_ok_and(is_over_time)
+            name(path) != "flights.csv" && is_small() && !LIMIT.read(path).is_ok_and(is_over_time)
         }
         "toml" => name(path).eq_ignore_ascii_case("scene.toml"),
         _ => false,
@@ -108,7 +110,7 @@ fn shows(path: &Path) -> bool {
 }
 
 /// Returns the verdict on the folder's photo as a sentence, or an empty text if there is none.
-/// Returns an error for an unreadable file.
+/// Returns an error for an unreadable file. Values that the file lacks are empty or zero.
 fn lead(files: &[PathBuf]) -> Result<String> {
     let Some(path) = files.iter().find(|path| name(path).eq_ignore_ascii_case("verdict.json"))
     else {
@@ -135,9 +137,10 @@ fn add(page: Page, path: &Path, name: &str) -> Result<Page> {
     })
 }
 
-/// Returns the page with a CSV file added as a table of its first [`MAX_ROWS`] rows.
+/// Returns the page with a CSV file added as a table of its first [`MAX_ROWS`] rows, followed by
+/// the number of rows that are left out. A table of few rows with many columns is transposed.
 fn table(page: Page, path: &Path) -> Result<Page> {
-    let broken = |error: csv::Error| {
+    let input_error = |error: csv::Error| {
         let place = path.display().to_string();
         Error::input(place, error, "a table (CSV)", "remove the file from the folder")
     };
@@ -147,29 +150,29 @@ fn table(page: Page, path: &Path) -> Result<Page> {
     fn cells(row: &csv::ByteRecord) -> Vec<String> {
         row.iter().map(|cell| shortened(&String::from_utf8_lossy(cell))).collect()
     }
-    // Only the first rows are kept, and the remaining rows are counted.
-    let head = cells(reader.byte_headers().map_err(broken)?);
+    let head = cells(reader.byte_headers().map_err(input_error)?);
     let (mut rows, mut left_out) = (Vec::new(), 0);
     for row in reader.byte_records() {
-        let row = row.map_err(broken)?;
+        let row = row.map_err(input_error)?;
         if rows.len() < MAX_ROWS { rows.push(cells(&row)) } else { left_out += 1 }
     }
     if head.len() > MAX_COLUMNS && rows.len() < MAX_COLUMNS {
-        // The table is transposed, because it has more columns than rows.
-        let cells = |i| {
+        // A short row is filled up with empty cells.
+        let column = |i| {
             let lines = std::iter::once(&head).chain(&rows);
             lines.map(|row| row.get(i).cloned().unwrap_or_default()).collect()
         };
-        let columns: Vec<Vec<String>> = (0..head.len()).map(cells).collect();
+        let columns: Vec<Vec<String>> = (0..head.len()).map(column).collect();
         return Ok(page.rows(&columns[0], &columns[1..]));
     }
     let page = page.rows(&head, &rows);
     Ok(if left_out > 0 { page.text(&format!("and {left_out} more rows")) } else { page })
 }
 
-/// Returns a number rounded to four decimals, or any other cell unchanged.
+/// Returns a long number rounded to four decimals, or below 0.001 to four significant digits. Any
+/// other cell is unchanged.
 fn shortened(cell: &str) -> String {
-    // Longest cell in characters that is not rounded.
+    // Longest cell that is not rounded, in bytes.
     const SHORT: usize = 7;
     match cell.parse::<f64>() {
         Ok(number) if cell.len() > SHORT && number.abs() >= 1e-3 => format!("{number:.4}"),

@@ -64,14 +64,15 @@ pub(super) struct ServeArgs {
 /// Runs the verb `serve`, which serves the page until the program ends, or works for a server.
 pub(super) fn run(args: &ServeArgs) -> Result<Report> {
     let program = Program { worker, advice, typeface: typefaces::with, warn: |text| warn([text]) };
-    match args.worker {
-        true => work(program, args.scene.as_deref())?,
-        false => serve(args, program)?,
+    if args.worker {
+        work(program, args.scene.as_deref())?;
+    } else {
+        serve(args, program)?;
     }
     Ok(Report::new(String::new(), json!({})))
 }
 
-/// Checks that the scene can be flown, and serves the page.
+/// Checks that the scene can be flown, and serves the page. Warns if `--module` cannot be used.
 fn serve(args: &ServeArgs, program: Program) -> Result<()> {
     // The page starts from this scene, and each visitor changes a copy of it.
     let named = args.scene.as_deref().unwrap_or(Preset::default().name());
@@ -84,11 +85,12 @@ fn serve(args: &ServeArgs, program: Program) -> Result<()> {
         Err(error) => return Err(error),
     }
     // Photos of a scene with files are made here, because browsers cannot read its files.
-    let is_whole = scene.files_mut().all(|file| file.is_empty() || !Path::new(file).is_absolute());
+    let is_self_contained =
+        scene.files_mut().all(|file| file.is_empty() || !Path::new(file).is_absolute());
     let has_room = scene.expose.room_m.is_some();
     let config = ServerConfig {
         base: Scene::text_of(named)?,
-        module: args.module.clone().filter(|_| is_whole),
+        module: args.module.clone().filter(|_| is_self_contained),
         scene,
         gallery: args.gallery.clone(),
         temporary: std::env::temp_dir(),
@@ -98,7 +100,7 @@ fn serve(args: &ServeArgs, program: Program) -> Result<()> {
         brand: args.brand.clone(),
         flights: args.flights.clone(),
     };
-    if args.module.is_some() && !is_whole {
+    if args.module.is_some() && !is_self_contained {
         warn(["the scene uses files on this machine, so photos are made here instead of by \
                --module"]);
     }
@@ -127,18 +129,20 @@ fn worker() -> std::io::Result<Command> {
     Ok(command)
 }
 
+/// Returns the changes of settings that make a word more legible, as suggestions for the page.
 fn advice(shot: &Shot) -> Result<Vec<Suggestion>> {
     let remedies = remedies_for(shot)?.into_iter();
     Ok(remedies.filter_map(|remedy| Suggestion::new(remedy.changes, remedy.gain)).collect())
 }
 
 /// Prints the addresses, and opens the page in a browser if `--open` is given. `has_room` is true
-/// if the scene names a room, without which a fence is a guess.
+/// if the scene names a room. Without a room, the fence of an exported script is a guess.
 fn announce(args: &ServeArgs, addresses: &Addresses, has_room: bool) -> Result<()> {
     let page = if args.kiosk { &addresses.kiosk } else { &addresses.visitors };
-    match parsed_command_line().is_some_and(|typed| typed.json) {
-        true => print_out(&format!("{}\n", object(page, addresses)))?,
-        false => print_out(&table(args, page, addresses, has_room))?,
+    if parsed_command_line().is_some_and(|typed| typed.json) {
+        print_out(&format!("{}\n", object(page, addresses)))?;
+    } else {
+        print_out(&table(args, page, addresses, has_room))?;
     }
     if args.open {
         open(page);
@@ -154,7 +158,8 @@ fn object(page: &str, addresses: &Addresses) -> Value {
 }
 
 /// Returns the addresses as text with what each one allows. `page` is the one to open first, and
-/// `has_room` is true if the scene names a room.
+/// `has_room` is true if the scene names a room. If stdout is a terminal, a QR code of the network
+/// address follows.
 fn table(args: &ServeArgs, page: &str, addresses: &Addresses, has_room: bool) -> String {
     // The network address is followed by a line that says what it allows.
     let mut text = line("page", page);

@@ -41,12 +41,13 @@ blind     reads {blind}
 *advice {gain:+.2~-}\t{text}
 ";
 
+/// Returns the verdict as a sentence.
 pub(super) fn verdict_sentence(verdict: &Verdict) -> String {
     sentence([&verdict.word, &verdict.read], verdict.legible, verdict.readability)
 }
 
-/// Returns a sentence with a word, what was read instead, and whether it is `legible`.
-/// `readability` is a probability.
+/// Returns a sentence with the expected word, the word that was read, and whether the expected word
+/// is `legible`. `readability` is a probability.
 pub(super) fn sentence(words: [&str; 2], legible: bool, readability: f64) -> String {
     let [word, read] = words.map(in_one_line);
     let legible = if legible { "legible" } else { "NOT legible" };
@@ -67,6 +68,7 @@ fn in_words(reason: Reason, verdict: &Verdict) -> String {
             "the word is too far from its intended position, or too large or too small"
         }
         Reason::OtherLength => "the photo shows a word of another length",
+        // Only one word can have a probability above one half.
         Reason::Misread => match verdict.rival.as_ref().filter(|rival| rival.p > 0.5) {
             Some(rival) => return format!("{} is likelier", in_one_line(&rival.word)),
             None => "a letter looks like a different letter, or like no letter",
@@ -100,26 +102,24 @@ pub(super) fn drawing(strokes: Option<&Strokes>) -> Report {
 
 /// Reports the duration of a flight, its tracking error over the letters (or in the air if there
 /// are no letters), the final values of the simulator's columns, and its digest. The tracking error
-/// is null if the drone never left the floor. `known` is the tracking error if it has already been
-/// computed.
+/// is null, and the text says why, if the drone never left the floor or has no design. `known` is
+/// the tracking error if it has already been computed.
 pub(super) fn flight_report(flight: &Flight, sha256: &str, known: Option<Tracking>) -> Report {
     let tracking = known.map_or_else(|| track(flight, Part::from_flight(flight)), Ok);
-    let (mut figures, mut words) = match &tracking {
+    let mut words = json!({ "lead": null, "why": null });
+    let mut figures = match &tracking {
         Ok(tracking) => {
             let is_ahead = tracking.lag_s < LEAD_S;
-            let lead = is_ahead.then_some("a lead: ahead of its design");
-            (tracking_json(tracking), json!({ "lead": lead, "why": null }))
+            words["lead"] = is_ahead.then_some("a lead: ahead of its design").into();
+            tracking_json(tracking)
         }
         Err(error) => {
             let why = match on_floor(flight) {
                 Some(why) => format!("on the floor: {why}"),
                 None => format!("no tracking error: {error}"),
             };
-            let keys = ["part", "rmse_m", "lag_s", "contour"];
-            (
-                keys.map(|key| (key, Value::Null)).into_iter().collect(),
-                json!({ "why": why, "lead": null }),
-            )
+            words["why"] = why.into();
+            json!({ "part": null, "rmse_m": null, "lag_s": null, "contour": null })
         }
     };
     // The duration is measured from the first sample, because each flight has its own clock.

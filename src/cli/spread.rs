@@ -6,7 +6,7 @@ use super::output::OutputFolder;
 use super::studies::counter;
 use super::terminal::warn;
 use crate::error::Result;
-use crate::photo;
+use crate::photo::{self, Photo};
 use crate::report::{spread_front, spread_over_time, spread_sheet};
 use crate::shoot::Shoot;
 use crate::studies::statistics::median;
@@ -43,7 +43,7 @@ impl SpreadFlags {
 
     /// Simulates the spread of a shoot if `--spread` is given, and writes its pictures: the bands
     /// from the front and over time, and the photos of all flights. Returns the report and the
-    /// drawings.
+    /// drawings. Warns if there are too few flights for a band that contains 90 % of them.
     pub(super) fn run(
         &self,
         shoot: &Shoot,
@@ -60,15 +60,8 @@ impl SpreadFlags {
         }
         let mut drawings = vec![spread_front(&band)];
         folder.write("spread-xz.svg", &drawings[0])?;
-        // A flight without light has no photo. The title of each photo is its seed and verdict.
-        let photos = band.flights.iter().filter_map(|SpreadFlight { seed, shot, .. }| {
-            let shot = shot.as_ref().ok()?;
-            let verdict =
-                shot.verdict.as_ref().map(|v| format!(": {} {:.2}", v.read, v.readability));
-            Some((shot.photo.clone(), format!("{seed}{}", verdict.unwrap_or_default())))
-        });
         let title = format!("{n} flights, conditions {}", self.conditions);
-        let sheet = spread_sheet(&title, &photos.collect::<Vec<_>>());
+        let sheet = spread_sheet(&title, &titled_photos(&band));
         folder.write("spread.png", photo::encode_png(&sheet, None, &[]))?;
         for (drone, bands) in band.all.iter().zip(&band.within).enumerate() {
             let number = if band.all.len() > 1 { format!("-{}", drone + 1) } else { String::new() };
@@ -80,6 +73,17 @@ impl SpreadFlags {
         report.value("conditions", &self.conditions);
         Ok(Some(Shown { report, drawings }))
     }
+}
+
+/// Returns the photo of each flight, with its seed and what is read in it as the title. A flight
+/// without light has no photo.
+fn titled_photos(spread: &Spread) -> Vec<(Photo, String)> {
+    let photos = spread.flights.iter().filter_map(|SpreadFlight { seed, shot, .. }| {
+        let shot = shot.as_ref().ok()?;
+        let verdict = shot.verdict.as_ref().map(|v| format!(": {} {:.2}", v.read, v.readability));
+        Some((shot.photo.clone(), format!("{seed}{}", verdict.unwrap_or_default())))
+    });
+    photos.collect()
 }
 
 /// Returns the report on the spread: the reading of each flight, and the bands around the path.
@@ -121,17 +125,18 @@ spread    {title}[: {legible} legible; readability {least:.2} to {most:.2}, medi
 *bands_within           one drone in one room: x ±{half_width_m.0*1e3:.0}, y ±{half_width_m.1*1e3:.0}, z ±{half_width_m.2*1e3:.0} mm over the letters
 ";
 
-/// Returns a phrase for the fraction of further flights that a band contains.
+/// Returns a phrase for the fraction of further flights that a band contains. A band of too few
+/// flights contains all of them.
 fn holds(band: &Band) -> String {
     let percent = 100.0 * band.holds_frac();
-    match band.holds_frac() < BAND_FRAC {
-        true => format!("all {} flights, and {percent:.0} % of further flights,", band.n_flights),
-        false => format!("{percent:.0} %"),
+    if band.holds_frac() < BAND_FRAC {
+        return format!("all {} flights, and {percent:.0} % of further flights,", band.n_flights);
     }
+    format!("{percent:.0} %")
 }
 
-/// Returns a band as JSON: for each time the lowest, the median and the highest path, and how wide
-/// it is.
+/// Returns a band as JSON: its half width, and the lowest, the median and the highest position at
+/// each time.
 fn band_json(band: &Band) -> Value {
     let end = |end: usize| band.ends_m.iter().map(|ends| ends[end]).collect::<Vec<_>>();
     json!({ "holds_frac": band.holds_frac(), "half_width_m": band.half_width_m(),

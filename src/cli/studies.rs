@@ -21,7 +21,7 @@ use crate::studies::{
 };
 use clap::Args;
 use noctograph_core::files::{Limit, is_file_name};
-use serde_json::json;
+use serde_json::{Value, json};
 
 /// Flags for the words, seeds and conditions of a study.
 #[derive(Debug, Args)]
@@ -57,14 +57,15 @@ impl StudyFlags {
         Ok(named)
     }
 
+    /// Reads the conditions of `--conditions`.
     pub(super) fn conditions(&self) -> Result<Conditions> {
         Conditions::find(&self.conditions)
     }
 
-    /// Returns the words, each with its number of seeds, which is `usual` by default.
+    /// Returns the words, each with its number of seeds, which is `usual` by default. The name of
+    /// an existing file stands for the words in its lines, except for empty lines and those that
+    /// begin with `#`. The name of a missing file is an error.
     pub(super) fn words(&self, usual: u32) -> Result<Vec<(String, u32)>> {
-        // The name of an existing file stands for the list of words in it, and the name of a
-        // missing file is an error.
         let mut words = Vec::new();
         for named in &self.words {
             if Path::new(named).is_file() {
@@ -138,17 +139,18 @@ pub(super) fn counter(what: &'static str, total: usize) -> impl Fn(usize) + Sync
     }
 }
 
-/// Names of a ranking's files, which are two tables, the ranking as JSON, and a sheet of photos.
+/// Names of a ranking's files: the ranking as a table and as JSON, the table of flights, and a
+/// sheet of photos.
 pub(super) const RANKING: [&str; 4] = ["ranking.csv", "ranking.json", "flights.csv", "photos.png"];
 /// Names of the files of a ranking of submissions, which include the marks.
 pub(super) const GRADED: [&str; 5] =
     ["marks.csv", "ranking.csv", "ranking.json", "flights.csv", "photos.png"];
 
-/// Writes the tables, the figures and the photos of a ranking into a folder, and the table of marks
-/// if `marks` is true. Returns the paths.
+/// Writes the tables and the photos of a ranking into a folder, and the table of marks if the
+/// scenes are submissions to be graded. Returns the paths.
 pub(super) fn write_ranking(
     mut folder: OutputFolder,
-    marks: bool,
+    is_graded: bool,
     study: &Study,
     ready: &[Prepared],
     ranking: &Ranking,
@@ -163,7 +165,7 @@ pub(super) fn write_ranking(
     })?;
     folder.write(flights, flights_csv(records))?;
     folder.write(photos, photo::encode_png(&sheet, None, &[]))?;
-    if marks {
+    if is_graded {
         folder.write(GRADED[0], marks_csv(ranking))?;
     }
     folder.keep()
@@ -177,35 +179,21 @@ pub fn ranking_report(study: &Study, ranking: &Ranking, flights: usize) -> Repor
         "acuity": ranking.acuity,
     });
     // The text lists the first pairs that cannot be distinguished.
-    let n_words = study.words.len();
-    let n_flights: usize = study.words.iter().map(|(_, n)| *n as usize).sum();
     let pairs = &ranking.pairs;
     let alike: Vec<_> = pairs.iter().filter(|pair| !pair.distinguishable).collect();
-    let named = |contender: &String| {
-        let names = ranking.measures.iter().map(|m| &m.contender).zip(labels(ranking, 20));
-        names.into_iter().find(|(name, _)| *name == contender).map(|(_, label)| label)
-    };
     let shown = &alike[..alike.len().min(MOST_PAIRS)];
-    let names = shown.iter().map(|pair| [named(&pair.better), named(&pair.worse)]);
-    let places = ranking.measures.iter().map(|m| m.place.map_or("-".into(), |it| it.to_string()));
+    let names = shown.iter().map(|pair| [&pair.better, &pair.worse].map(|n| label(ranking, n)));
+    let places = ranking.measures.iter().map(|m| place(m.place));
     let mut flown = ranking.measures.iter().filter_map(|measures| measures.flown);
     let has_lead = flown.any(|flown| flown.lag_s.value < LEAD_S);
+    let n_words = study.words.len();
+    let n_flights: usize = study.words.iter().map(|(_, n)| *n as usize).sum();
     let n_each = ranking.measures.first().map_or(0, |measures| measures.n_flights);
     let is_few = !pairs.is_empty() && n_each < ranking.least_flights as usize;
-    // With --acuity, the smallest legible letters of each scene are shown beside its contour error.
     let acuity = ranking.acuity.as_ref();
-    let contour = |limit: &HeightLimit| {
-        let measures = ranking.measures.iter().find(|it| it.contender == limit.contender)?;
-        measures.flown.map(|flown| flown.contour_m.value)
-    };
-    let limit_row = |limit: &HeightLimit| {
-        json!({
-            "name": named(&limit.contender), "contour_m": contour(limit),
-            "place": limit.place.map_or("-".into(), |place| place.to_string()),
-            "height": limit.cap_height_m,
-        })
-    };
-    let limits = acuity.map(|acuity| acuity.limits.iter().map(limit_row).collect::<Vec<_>>());
+    let limits = acuity.map(|acuity| {
+        acuity.limits.iter().map(|limit| limit_row(ranking, limit)).collect::<Vec<_>>()
+    });
     let words = json!({
         "limits": limits,
         "n_ladder": acuity.and_then(|acuity| acuity.limits.first()).map(|limit| limit.n_flights),
@@ -221,6 +209,29 @@ pub fn ranking_report(study: &Study, ranking: &Ranking, flights: usize) -> Repor
         "n_more": Some(alike.len() - shown.len()).filter(|n| *n > 0),
     });
     Report::with_words(product, &words, RANKED)
+}
+
+/// Returns a scene's row in the table of `--acuity`: the smallest legible height beside the mean
+/// contour error, which is null if no flight was flown.
+fn limit_row(ranking: &Ranking, limit: &HeightLimit) -> Value {
+    let measures = ranking.measures.iter().find(|it| it.contender == limit.contender);
+    let contour_m = measures.and_then(|it| it.flown).map(|flown| flown.contour_m.value);
+    json!({
+        "name": label(ranking, &limit.contender), "contour_m": contour_m,
+        "place": place(limit.place), "height": limit.cap_height_m,
+    })
+}
+
+/// Returns a scene's place in a ranking as text, or a dash if the scene is not ranked.
+fn place(place: Option<usize>) -> String {
+    place.map_or("-".into(), |place| place.to_string())
+}
+
+/// Returns the shortened name of a scene in a list of pairs, or `None` for a scene that is not
+/// ranked.
+fn label(ranking: &Ranking, contender: &str) -> Option<String> {
+    let index = ranking.measures.iter().position(|it| it.contender == contender)?;
+    labels(ranking, 20).into_iter().nth(index)
 }
 
 const RANKED: &str = "\
@@ -263,8 +274,8 @@ fn labels(ranking: &Ranking, width: usize) -> Vec<String> {
     shortened(&names, width - 1)
 }
 
-/// Returns names shortened to their last `n` characters, with numbers if two shortened names are
-/// equal.
+/// Returns names shortened to their last `n` characters, including a leading `…`. If two shortened
+/// names are equal, all names are numbered instead, as in `1…`.
 pub(super) fn shortened(names: &[&str], n: usize) -> Vec<String> {
     let ends: Vec<String> = names.iter().map(|name| end_of(name, "…", n)).collect();
     if ends.iter().collect::<HashSet<_>>().len() == ends.len() {
@@ -275,10 +286,11 @@ pub(super) fn shortened(names: &[&str], n: usize) -> Vec<String> {
 
 /// Returns a name unchanged, or `head` followed by its end if it has more than `n` characters.
 fn end_of(name: &str, head: &str, n: usize) -> String {
-    match name.chars().count() {
-        all if all <= n => name.to_owned(),
-        all => head.chars().chain(name.chars().skip(all + head.chars().count() - n)).collect(),
+    let n_characters = name.chars().count();
+    if n_characters <= n {
+        return name.to_owned();
     }
+    head.chars().chain(name.chars().skip(n_characters + head.chars().count() - n)).collect()
 }
 
 #[cfg(test)]

@@ -7,8 +7,8 @@ use std::io::Write;
 use super::printer::wrapped;
 use crate::error::{Error, Result};
 
-/// Prints a result on standard output. A closed pipe is not an error, because programs like `head`
-/// stop reading early.
+/// Prints a result on standard output, and flushes it. A closed pipe is not an error, because
+/// programs like `head` stop reading early.
 pub(super) fn print_out(text: &str) -> Result<()> {
     let mut out = std::io::stdout().lock();
     // Stdout is flushed here, because a write error during exit would be lost.
@@ -20,7 +20,7 @@ pub(super) fn print_out(text: &str) -> Result<()> {
     }
 }
 
-/// Escapes the control characters in a string.
+/// Escapes the control characters in a text as in Rust source code. See [`escaped`].
 pub(super) fn printable(text: &str) -> String {
     escaped(text, |code| format!("\\u{{{code:x}}}"))
 }
@@ -29,11 +29,12 @@ pub(super) fn printable(text: &str) -> String {
 /// `escape`, because names from foreign files must not control a terminal. Keeps line ends and
 /// tabs.
 pub(super) fn escaped(text: &str, escape: impl Fn(u32) -> String) -> String {
-    let steers = |c: char| {
+    // The ranges contain the embeddings, overrides and isolates of the bidirectional algorithm.
+    let is_control = |c: char| {
         (c.is_control() && c != '\n' && c != '\t')
             || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
     };
-    text.chars().map(|c| if steers(c) { escape(c.into()) } else { c.to_string() }).collect()
+    text.chars().map(|c| if is_control(c) { escape(c.into()) } else { c.to_string() }).collect()
 }
 
 /// Prefix of a warning on stderr.
@@ -59,8 +60,9 @@ pub(super) fn quietly<T>(work: impl FnOnce() -> T) -> T {
     product
 }
 
-/// Prints a message on stderr, wrapped at 80 columns. A failure to print is ignored, because it
-/// cannot be reported anywhere.
+/// Prints a message on stderr, wrapped at 80 columns, after the prefix `head`. A warning is also
+/// kept for the JSON object. While [`quietly`] runs, every message is kept instead of printed. A
+/// failure to print is ignored, because it cannot be reported anywhere.
 pub(super) fn message(head: &str, text: &str) {
     if head == WARNING || IS_QUIET.get() {
         WARNED.with_borrow_mut(|warned| warned.push(text.to_owned()));

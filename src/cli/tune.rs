@@ -1,9 +1,11 @@
 //! `noctograph tune` tunes gains, observer and speed of a scene for legible words.
 
 use std::path::PathBuf;
+use std::str::FromStr;
 use std::time::{Duration, Instant};
 
 use super::outcome::{Report, without_folders};
+use super::output::OutputFolder;
 use super::progress::Progress;
 use super::studies::{StudyFlags, counter, open_results, open_store, ranking_report};
 use super::terminal::warn;
@@ -13,13 +15,16 @@ use crate::report::pareto;
 use crate::scene::Scene;
 use crate::shoot::Stop;
 use crate::studies::{
-    Candidate, Knob, Ranking, Store, Study, TuneOptions, Tuned, candidates_csv, tune,
+    Candidate, Conditions, Knob, Ranking, Store, Study, TuneOptions, Tuned, candidates_csv, tune,
 };
 use clap::Args;
 use serde_json::json;
 
-/// Number of flights of a budget that is a time, for which no time suffices.
+/// Limit on the number of flights if the budget is a time. It is never reached, because the flights
+/// would take days.
 const UNLIMITED_FLIGHTS: usize = 10_000_000;
+/// Default number of seeds of each training word.
+const TRAINING_SEEDS: u32 = 6;
 /// Number of seconds in a minute.
 const S_PER_MIN: f64 = 60.0;
 /// Names of the files that are written once the best scene is found.
@@ -67,90 +72,130 @@ pub(super) struct TuneArgs {
     output: PathBuf,
 }
 
-/// Parses a budget. Returns the number of flights, and the time if the budget is a time, in which
-/// case the number of flights is a limit that is never reached.
-fn budget(text: &str) -> Result<(usize, Option<Duration>)> {
-    let budget = match text.strip_suffix("min") {
-        Some(minutes) => {
-            let minutes = minutes.trim().parse::<f64>().ok();
-            let time = minutes.and_then(|n| Duration::try_from_secs_f64(S_PER_MIN * n).ok());
-            time.map(|time| (UNLIMITED_FLIGHTS, Some(time)))
-        }
-        None => text.parse().ok().map(|flights| (flights, None)),
-    };
-    let wanted = "a number of flights, or minutes such as 5min";
-    budget.ok_or_else(|| Error::input("budget", text, wanted, "for example 2000, or 5min"))
+/// Limit of a search.
+#[derive(Clone, Copy)]
+enum Budget {
+    /// Number of flights.
+    Flights(usize),
+    /// Time on the clock.
+    Time(Duration),
+}
+
+impl FromStr for Budget {
+    type Err = Error;
+
+    /// Parses a number of flights, or a number of minutes such as `5min`.
+    fn from_str(text: &str) -> Result<Self> {
+        let budget = match text.strip_suffix("min") {
+            Some(minutes) => {
+                let minutes = minutes.trim().parse::<f64>().ok();
+                let time = minutes.and_then(|n| Duration::try_from_secs_f64(S_PER_MIN * n).ok());
+                time.map(Self::Time)
+            }
+            None => text.parse().ok().map(Self::Flights),
+        };
+        let wanted = "a number of flights, or minutes such as 5min";
+        budget.ok_or_else(|| Error::input("budget", text, wanted, "for example 2000, or 5min"))
+    }
 }
 
 /// Runs the verb `tune`, which searches for settings with which a scene's words are read more
 /// often, tests them with new seeds and words, and writes the best scene.
 pub(super) fn run(args: &TuneArgs) -> Result<Report> {
-    let (flights, time) = budget(&args.budget)?;
+    let budget: Budget = args.budget.parse()?;
     let conditions = args.study.conditions()?;
-    let mut base = args.study.scene(&args.scene, &conditions)?;
+    let mut base = args.study.scene(&args.scene, &conditions)?.scene;
     if let Some(cap_height_m) = args.cap_height {
-        let letters = &mut base.scene.letters;
-        let scaled = letters.scaled(cap_height_m / letters.cap_height_m);
-        *letters = LetterOptions { cap_height_m, ..scaled };
+        let scaled = base.letters.scaled(cap_height_m / base.letters.cap_height_m);
+        base.letters = LetterOptions { cap_height_m, ..scaled };
     }
+    let options = options(args, &base, budget, conditions)?;
+    let store = open_store(&args.output)?;
+    let results = open_results(&args.output, &FILES)?;
+    let mut progress = Progress::new("tuning");
+    let (start, mut is_first) = (Instant::now(), true);
+    let mut watch = |n_flights: usize, best: &Candidate| {
+        let spent = match budget {
+            Budget::Flights(flights) => n_flights as f64 / flights as f64,
+            Budget::Time(time) => start.elapsed().as_secs_f64() / time.as_secs_f64(),
+        };
+        // The first flights show how long the smallest study would take.
+        if matches!(budget, Budget::Time(_)) && std::mem::take(&mut is_first) {
+            warn_if_short(&args.budget, spent / n_flights as f64, options.least_budget());
+        }
+        progress.update(spent);
+        progress.note(format!("{n_flights} flights, best P {:.3}", best.legibility));
+        // A budget of flights is limited by the search itself.
+        matches!(budget, Budget::Flights(_)) || spent < 1.0
+    };
+    let tuned = tune(&base, &options, Some(&store), &Stop::default(), &mut watch)?;
+    drop(progress);
+    let paths = write(args, &tuned, &options, results)?;
+    let others = other_words(args, &options, &base, &tuned, &store)?;
+    Ok(tuning_report(&options, &tuned, others.as_ref()).with_files(&paths))
+}
+
+/// Returns the options of the search from a scene. Returns [`Error::Input`] for a duration of
+/// flights out of range, unknown knobs, and too small a budget.
+fn options(
+    args: &TuneArgs,
+    base: &Scene,
+    budget: Budget,
+    conditions: Conditions,
+) -> Result<TuneOptions> {
     if let Some(longest_s) = args.longest {
         crate::error::within("longest", longest_s, 1.0, 3600.0)?;
     }
-    // The best candidate on the training seeds must also win on new seeds, of which there are four
-    // times as many as for each test word.
     let options = TuneOptions {
         knobs: match args.knob.as_slice() {
-            [] => Knob::usual(&base.scene),
+            [] => Knob::usual(base),
             knobs => knobs.iter().map(|knob| knob.parse()).collect::<Result<_>>()?,
         },
-        words: args.study.words(6)?,
-        budget: flights,
+        words: args.study.words(TRAINING_SEEDS)?,
+        budget: match budget {
+            Budget::Flights(flights) => flights,
+            Budget::Time(_) => UNLIMITED_FLIGHTS,
+        },
         longest_s: args.longest,
+        // The best candidate on the training seeds must also win on new seeds, of which there are
+        // four times as many as for each test word.
         test_seeds: 4 * args.test_seeds,
         conditions,
         seed: args.study.seed,
     };
     options.check()?;
-    let store = open_store(&args.output)?;
-    let mut results = open_results(&args.output, &FILES)?;
+    Ok(options)
+}
 
-    // A budget in minutes is measured by the clock, and a budget in flights by their number.
-    let (mut progress, start) = (Progress::new("tuning"), Instant::now());
-    let mut first = true;
-    let mut watch = |n_flights: usize, best: &Candidate| {
-        let spent = time.map(|time| start.elapsed().as_secs_f64() / time.as_secs_f64());
-        if let Some(spent) = spent.filter(|_| std::mem::take(&mut first)) {
-            // The first flights show how long the smallest study would take.
-            let least_flights = options.least_budget();
-            let needed = spent * least_flights as f64 / n_flights as f64;
-            if needed > 1.0 {
-                let budget = &args.budget;
-                warn([format!(
-                    "{budget} is too short: the minimum of {least_flights} flights takes about \
-                     {needed:.1} times as long"
-                )]);
-            }
-        }
-        let spent = spent.unwrap_or(n_flights as f64 / flights as f64);
-        progress.update(spent);
-        progress.note(format!("{n_flights} flights, best P {:.3}", best.legibility));
-        time.is_none() || spent < 1.0
-    };
-    let tuned = tune(&base.scene, &options, Some(&store), &Stop::default(), &mut watch)?;
-    drop(progress);
+/// Warns if a budget in minutes is too short for the smallest study of `least_flights`. A flight
+/// takes the fraction `flight_frac` of the budget.
+fn warn_if_short(budget: &str, flight_frac: f64, least_flights: usize) {
+    let needed = flight_frac * least_flights as f64;
+    if needed > 1.0 {
+        warn([format!(
+            "{budget} is too short: the minimum of {least_flights} flights takes about \
+             {needed:.1} times as long"
+        )]);
+    }
+}
 
+/// Writes the tuned scene with the files that it names, the table of candidates, and the plot of
+/// the Pareto front. Returns the paths.
+fn write(
+    args: &TuneArgs,
+    tuned: &Tuned,
+    options: &TuneOptions,
+    mut results: OutputFolder,
+) -> Result<Vec<PathBuf>> {
     let [scene, candidates, front] = FILES;
     let files = tuned.scene.in_folder(&args.output, "")?;
     for (name, bytes) in &files.copies {
         results.write(name, bytes)?;
     }
-    results.write(scene, origin(args, &tuned) + &files.toml)?;
-    let csv = candidates_csv(&tuned, &options.knobs);
-    results.write(candidates, csv)?;
-    results.write(front, plot(&tuned))?;
-    let paths = results.keep()?;
-    let others = other_words(args, &options, &base.scene, &tuned, &store)?;
-    Ok(tuning_report(&options, &tuned, others.as_ref()).with_files(&paths))
+    results.write(scene, origin(args, tuned) + &files.toml)?;
+    results.write(candidates, candidates_csv(tuned, &options.knobs))?;
+    results.write(front, plot(tuned))?;
+    results.keep()
 }
 
 /// Returns comment lines that describe the tuned scene's origin, for the top of its file.
@@ -169,18 +214,20 @@ fn origin(args: &TuneArgs, tuned: &Tuned) -> String {
     )
 }
 
-/// Returns the plot of all candidates by flight time and legibility. A candidate that lost every
-/// drone has no flight time, and is plotted at 0 s.
+/// Returns the plot (SVG) of all candidates by flight time and legibility, in which candidates that
+/// were abandoned or exceed a limit are drawn differently. A candidate that lost every drone has no
+/// flight time, and is plotted at 0 s.
 fn plot(tuned: &Tuned) -> String {
-    let pace_and_legibility = |c: &Candidate| (c.duration_s.unwrap_or(0.0), c.legibility);
+    fn point(c: &Candidate) -> (f64, f64) {
+        (c.duration_s.unwrap_or(0.0), c.legibility)
+    }
     let (start, candidates) = tuned.candidates.split_first().expect("the original scene is one");
-    let (within, others): (Vec<_>, Vec<_>) =
+    let (valid, others): (Vec<_>, Vec<_>) =
         candidates.iter().partition(|c| !c.given_up && c.broken == 0.0);
-    let [within, others] =
-        [within, others].map(|some| some.into_iter().map(pace_and_legibility).collect::<Vec<_>>());
-    let front: Vec<_> =
-        tuned.front.iter().map(|n| pace_and_legibility(&tuned.candidates[*n])).collect();
-    pareto(&within, &others, &front, Some(pace_and_legibility(start)))
+    let [valid, others] =
+        [valid, others].map(|some| some.into_iter().map(point).collect::<Vec<_>>());
+    let front: Vec<_> = tuned.front.iter().map(|n| point(&tuned.candidates[*n])).collect();
+    pareto(&valid, &others, &front, Some(point(start)))
 }
 
 /// Reports the Pareto front of flight time and P(read), the best candidate's changes, and the
@@ -195,7 +242,7 @@ pub fn tuning_report(
         "flights": tuned.n_flights, "candidates": tuned.candidates.len(), "front": front,
         "helped": tuned.helped(), "best": tuned.best, "before": tuned.before,
     });
-    // The changes are listed only if the best candidate was better than the original scene.
+    // The changes are listed only if the best candidate won the test against the original scene.
     let changes = options.knobs.iter().flat_map(|knob| &knob.keys).map(|key| {
         let [before, after] = [&tuned.before, &tuned.best].map(|c| shown(&c.settings[key]));
         json!({ "key": key, "before": before, "after": after })
@@ -234,7 +281,8 @@ best      not better on new seeds: scene.toml holds {kept}; try a larger budget,
 
 ";
 
-/// Returns the value of a scene key as text, with numbers rounded to four digits.
+/// Returns the value of a scene key as text, with numbers rounded to three decimals, or five below
+/// 1. Numbers below 0.001 or from 100,000 have an exponent.
 fn shown(value: &toml::Value) -> String {
     match value.as_float() {
         Some(number) if number != 0.0 && !(1e-3..1e5).contains(&number.abs()) => {
@@ -246,7 +294,8 @@ fn shown(value: &toml::Value) -> String {
     }
 }
 
-/// Tests the tuned scene on words that it was not trained on, if there are any.
+/// Tests the tuned scene against the original one on the test words, except for those that it was
+/// trained on. Returns `None` if no word or no seed is left, or if the search found nothing better.
 fn other_words(
     args: &TuneArgs,
     options: &TuneOptions,
@@ -254,13 +303,13 @@ fn other_words(
     tuned: &Tuned,
     store: &Store,
 ) -> Result<Option<(Study, Ranking)>> {
-    // Training words are excluded from the test words.
     let words =
         args.test_words.iter().filter(|word| options.words.iter().all(|(known, _)| known != *word));
     let words: Vec<_> = words.map(|word| (word.clone(), args.test_seeds)).collect();
     if !tuned.helped() || words.is_empty() || args.test_seeds == 0 {
         return Ok(None);
     }
+    // Each seed of each word is flown with both scenes.
     let bar = counter("testing", 2 * words.len() * args.test_seeds as usize);
     let stop = Stop::default();
     options.test([base, &tuned.scene], words, Some(store), &stop, &bar).map(Some)

@@ -25,8 +25,9 @@ const MAX_BYTES: usize = 1 << 30;
 const LIMIT: Limit =
     Limit { bytes: 64 << 20, what: "a typeface", hint: "name a smaller font file" };
 
-/// Returns a typeface file on this machine that contains all of the characters. Upright and light
-/// typefaces are preferred, because their center lines are closest to handwritten strokes.
+/// Returns a typeface file on this machine that contains all of the characters, or `None` if none
+/// of the files that are searched does. Upright and light typefaces are preferred, because their
+/// center lines are closest to handwritten strokes.
 pub(super) fn with(characters: &[char]) -> Option<PathBuf> {
     let home = std::env::home_dir().unwrap_or_default();
     let folders = FOLDERS.iter().map(|folder| match folder.strip_prefix('~') {
@@ -37,7 +38,7 @@ pub(super) fn with(characters: &[char]) -> Option<PathBuf> {
 }
 
 /// Returns the first file in the folders, in the order of [`rank`], that contains all of the
-/// characters.
+/// characters. The search ends after [`MAX_BYTES`], to limit its time.
 fn first_with(folders: &[PathBuf], characters: &[char]) -> Option<PathBuf> {
     let mut files = Vec::new();
     for folder in folders {
@@ -57,14 +58,14 @@ fn first_with(folders: &[PathBuf], characters: &[char]) -> Option<PathBuf> {
 /// Adds the typeface files in a folder and its subfolders, down to `deepest` levels, up to
 /// [`MAX_FILES`] files in total.
 fn gather(folder: &Path, deepest: usize, files: &mut Vec<PathBuf>) {
-    let known = |path: &Path| ["ttf", "otf", "ttc"].contains(&&*ending(path));
+    let is_typeface = |path: &Path| ["ttf", "otf", "ttc"].contains(&&*ending(path));
     for path in entries_in(folder).unwrap_or_default() {
         if files.len() == MAX_FILES {
             return;
         }
         if path.is_dir() && deepest > 0 {
             gather(&path, deepest - 1, files);
-        } else if known(&path) && path.is_file() {
+        } else if is_typeface(&path) && path.is_file() {
             files.push(path);
         }
     }

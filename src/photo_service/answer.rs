@@ -182,7 +182,8 @@ pub struct PageAnswer {
 }
 
 impl PageAnswer {
-    /// Makes the answer for a page, with all scripts in one archive.
+    /// Makes the answer for a page from an answer or the message of a refusal. All scripts are put
+    /// in one archive.
     pub fn new(asked: Asked, made: Made) -> Self {
         let Answer { facts, mut files } = match made {
             Ok(answer) => answer,
@@ -248,6 +249,14 @@ struct Ready {
     notes: Vec<Message>,
 }
 
+/// Options of a large photo.
+struct LargeOptions {
+    /// True if the answer contains remedies for an illegible word.
+    advice: bool,
+    /// Format of the photo's file. `None` if the files are not made.
+    format: Option<Format>,
+}
+
 /// Reason why a product is not made, which is an error of a stage or a message to the page.
 enum Refusal {
     Stage(Error),
@@ -268,7 +277,9 @@ impl Studio<'_> {
         let made = match product {
             Product::Live => self.live(subject),
             Product::Large { advice, files } => {
-                self.large(subject, advice, files.then_some(Format::Png))
+                let options = LargeOptions { advice, format: files.then_some(Format::Png) };
+                self.prepare(subject, LARGE_PIXELS)
+                    .and_then(|ready| self.judged(subject, ready, options))
             }
             Product::Script => self.script(subject),
         };
@@ -290,7 +301,7 @@ impl Studio<'_> {
             }
             (strokes, _) => strokes?,
         };
-        // The shape of the photo has no effect on the strokes.
+        // The changes for an audience do not affect the strokes.
         if self.has_audience {
             prepared.scene.for_audience();
         }
@@ -358,8 +369,9 @@ impl Studio<'_> {
         }
     }
 
-    /// Returns the photo of a flight of which `log` is known so far, as [`Self::follow`] does. If
-    /// the flight `is_over`, this is the large photo. Refuses a log that is too short for a photo.
+    /// Returns the photo of the flight so far, as [`Self::follow`] does. If the flight `is_over`,
+    /// this is the large photo. Meters the exposure in the first call, and keeps it in `film`.
+    /// Refuses a log that is too short for a photo.
     fn flown(
         &self,
         subject: &Subject,
@@ -370,6 +382,8 @@ impl Studio<'_> {
         // The scene and the camera are those of the visitor's photo.
         let (PreparedScene { mut scene, profile }, strokes) =
             self.strokes_for(subject, LARGE_PIXELS)?;
+        // The exposure of the visitor's photo is kept, so that the light of earlier letters does
+        // not change when new light is added.
         if !is_over {
             let exposure = match film.exposure {
                 Some(exposure) => exposure,
@@ -389,34 +403,24 @@ impl Studio<'_> {
         let shoot = Shoot::with_recordings(scene, vec![Recording::Flight(flight)])?;
         if is_over {
             let ready = Ready { shoot, profile, source: None, notes: Vec::new() };
-            return self.judged(subject, ready, false, Some(Format::Png));
+            let options = LargeOptions { advice: false, format: Some(Format::Png) };
+            return self.judged(subject, ready, options);
         }
         let shoot = Shoot { judging: Judging::Skipped, keeps_film: false, ..shoot };
         let files = vec![jpeg_file(&shoot.take_on(&mut film.film)?, LIVE_QUALITY)];
         Ok(Answer { facts: Facts::Script {}, files })
     }
 
-    /// Makes the large photo, with its files if a `format` is given. If `advice` is true, the
-    /// answer contains remedies for an illegible word.
-    fn large(&self, subject: &Subject, advice: bool, format: Option<Format>) -> Attempt<Answer> {
-        self.judged(subject, self.prepare(subject, LARGE_PIXELS)?, advice, format)
-    }
-
-    /// Takes the large photo of a subject that is ready, and judges it. If `advice` is true, the
-    /// answer contains remedies for an illegible word.
+    /// Takes the large photo of a subject that is ready, and judges it.
     fn judged(
         &self,
         subject: &Subject,
         Ready { shoot, profile, notes, .. }: Ready,
-        advice: bool,
-        format: Option<Format>,
+        LargeOptions { advice, format }: LargeOptions,
     ) -> Attempt<Answer> {
         let shot = self.take(shoot, Judging::Explained, format)?;
         // The flight in a log is over, and therefore needs no check.
-        let findings = match shot.shoot.is_planned {
-            true => shot.findings(&profile)?,
-            false => Vec::new(),
-        };
+        let findings = if shot.shoot.is_planned { shot.findings(&profile)? } else { Vec::new() };
         let remedies = if advice { (self.advice)(&shot)? } else { Vec::new() };
         let mut files = vec![jpeg_file(&shot, LARGE_QUALITY)];
         if format.is_some() {
@@ -439,6 +443,7 @@ impl Studio<'_> {
     }
 
     /// Makes the cflib scripts that fly a subject, and the files that they need, sorted by name.
+    /// Refuses a flight that a check stops.
     fn script(&self, subject: &Subject) -> Attempt<Answer> {
         let (PreparedScene { mut scene, profile }, strokes) =
             self.strokes_for(subject, LARGE_PIXELS)?;
@@ -448,7 +453,6 @@ impl Studio<'_> {
         let options = ExportOptions { format, mode, tolerance_m, profile, is_unchecked: false };
         let shoot = Shoot::of_strokes(scene, strokes, &|_| Ok(()))?;
         let checked = CheckedExport::new(shoot, options)?;
-        // A flight that a check stops gets no scripts.
         let stops: Vec<Message> = checked.findings.iter().filter_map(Message::of_stop).collect();
         if !stops.is_empty() {
             return Err(Refusal::Page(Message::of_stops(&stops)));
@@ -519,23 +523,26 @@ impl Suggestion {
     }
 }
 
-/// Returns the strokes of the drawing as its file contains them, or `None` for a word.
+/// Returns the strokes of the drawing as its file contains them, in the units of [`DrawnSource`],
+/// or `None` for a word.
 fn drawn_source(strokes: &Strokes) -> Option<DrawnSource> {
     let Source { corners_px, is_bitmap, strokes } = &strokes.source;
     let points = strokes.iter().flat_map(|stroke| stroke.points.iter().copied());
     let [left, top, right, bottom] = bounds(points);
     // The strokes of a drawing that is not a picture are shifted to 0, 0 and scaled so that the
     // larger side has 1000 units.
-    let ([x, y], scale) = match is_bitmap {
-        true => ([0.0; 2], 1.0),
-        false => ([left, top], 1e3 / f64::max(right - left, bottom - top).max(1e-9)),
+    let ([left, top], scale) = if *is_bitmap {
+        ([0.0; 2], 1.0)
+    } else {
+        // A drawing of a single point has no extent.
+        ([left, top], 1e3 / f64::max(right - left, bottom - top).max(1e-9))
     };
     let mut drawn = Vec::new();
     for SourceStroke { points, color } in strokes {
         // Whole units are accurate enough. Points within one unit of the line between their
         // neighbors are omitted.
         let points: Vec<[f64; 2]> =
-            points.iter().map(|point| [scale * (point[0] - x), scale * (point[1] - y)]).collect();
+            points.iter().map(|[x, y]| [scale * (x - left), scale * (y - top)]).collect();
         let kept = simplify(&points, 1.0).into_iter().flat_map(|index| points[index]);
         #[expect(clippy::cast_possible_truncation, reason = "pixels of a picture")]
         let coordinates = kept.map(|coordinate| coordinate.round() as i64).collect();

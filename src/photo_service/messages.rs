@@ -98,7 +98,8 @@ const ADVICE: &str = "set-camera.focus_m set-camera.framing set-camera.metering 
     set-plan.light_clock set-plan.lights set-plan.reference set-plan.stroke_speed_m_s \
     set-plan.style set-other";
 
-/// Returns the key if it is in the list, or else the list's last key, for all unlisted keys.
+/// Returns the key if it is in the list `keys`, separated by spaces, or else the list's last key,
+/// which stands for all unlisted keys.
 fn key_or_last(keys: &str, key: &str) -> String {
     let listed = keys.split(' ').find(|listed| *listed == key);
     listed.or(keys.split(' ').next_back()).unwrap_or_default().to_owned()
@@ -112,7 +113,7 @@ pub fn code_on_page(code: &str) -> &str {
 }
 
 impl Message {
-    /// Creates a refusal with the given text.
+    /// Creates a refusal with the given values, English text and hint.
     pub fn new(key: Key, values: Value, text: String, hint: &str) -> Self {
         Self { key: key.name().into(), values, text, hint: hint.into() }
     }
@@ -149,7 +150,7 @@ impl Message {
     }
 
     /// Returns a message about an error of a log. The message is always in English, because it
-    /// names parts of the log.
+    /// names parts of the log. The hint is part of the text.
     pub fn of_log_error(error: &Error) -> Self {
         let text = format!("{error}: {}", error.hint());
         let (text, hint) = (without_paths(&text), String::new());
@@ -165,16 +166,18 @@ impl Message {
 
     /// Returns the message about a check that stops a flight, or `None` if the check does not stop
     /// it.
-    pub fn of_stop(stop: &Diagnostic) -> Option<Self> {
+    pub fn of_stop(check: &Diagnostic) -> Option<Self> {
+        if !check.is_stop() {
+            return None;
+        }
         let key =
-            key_or_last(STOPS, &format!("stop-{}", stop.code.replace(' ', "-").to_lowercase()));
-        let text = format!("{}: {stop}", stop.code);
-        let mut values = json!(stop.figures);
-        if let Some(Segment::Drone(drone)) = stop.place.0.first() {
+            key_or_last(STOPS, &format!("stop-{}", check.code.replace(' ', "-").to_lowercase()));
+        let mut values = json!(check.figures);
+        if let Some(Segment::Drone(drone)) = check.place.0.first() {
             values["drone"] = json!(drone);
         }
-        let message = Self { key, values, text, hint: stop.change(Change::to_string) };
-        stop.is_stop().then_some(message)
+        let text = format!("{}: {check}", check.code);
+        Some(Self { key, values, text, hint: check.change(Change::to_string) })
     }
 
     /// Returns the message that suggests changes, with the key of the first change, or `None` if
@@ -226,11 +229,9 @@ fn key_of(error: &Error, is_picture: bool) -> Key {
         };
     };
     // The place of an error shows whether it concerns the drawing's file, the word or a setting.
-    let is_drawing = place.key() == "drawing"
-        || place
-            .0
-            .iter()
-            .any(|segment| matches!(segment, Segment::File(name) if name.starts_with("drawing.")));
+    let is_file =
+        |part: &Segment| matches!(part, Segment::File(name) if name.starts_with("drawing."));
+    let is_drawing = place.key() == "drawing" || place.0.iter().any(is_file);
     match error.code() {
         "drawing-empty" if is_picture => Key::PictureNone,
         "input-large" if is_drawing => Key::DrawingLarge,
@@ -245,13 +246,15 @@ fn key_named(name: &str) -> Option<Key> {
     Key::ALL.iter().copied().find(|key| key.name() == name)
 }
 
-/// Replaces the paths in a message by their file names, because a visitor must not see the server's
-/// folders. A path begins with a slash that does not follow a letter or a digit.
+/// Replaces the absolute paths in a message by their file names, because a visitor must not see the
+/// server's folders. A path begins with a slash that does not follow a letter or a digit, as in
+/// `1/2` or `m/s`.
 fn without_paths(text: &str) -> String {
     let mut words = Vec::new();
     for word in text.split(' ') {
         let mut slashes = word.match_indices('/').map(|(begin, _)| begin);
         let begin = slashes.find(|begin| !word[..*begin].ends_with(char::is_alphanumeric));
+        // Punctuation before and after the path stays.
         words.push(match begin {
             Some(begin) => word[..begin].to_owned() + word.rsplit('/').next().unwrap_or_default(),
             None => word.to_owned(),

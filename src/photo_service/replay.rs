@@ -57,12 +57,13 @@ pub struct MappedStroke {
 pub type LetterBox = [i64; 4];
 
 impl LightMap {
-    /// Returns the light paths of the lamps that write.
+    /// Returns the light paths of the lamps that write. Lamps of one drone that are lit at the same
+    /// time form one stroke, which follows the path of the first lamp.
     pub(crate) fn new(shot: &Shot) -> Self {
         let lamps = writing(&shot.flights, &shot.trace, &shot.shoot.scene.light);
         let mut strokes: Vec<Stroke<'_>> = Vec::new();
         for stroke in lamps.iter().flat_map(|lamp| lamp_strokes(lamp)) {
-            // A drone's lamps that are lit simultaneously form one stroke of their summed colors.
+            // The colors of the lamps are summed.
             match strokes.iter_mut().find(|other| overlap(other, &stroke)) {
                 None => strokes.push(stroke),
                 Some(other) => (0..3).for_each(|color| other.rgb[color] += stroke.rgb[color]),
@@ -100,21 +101,23 @@ fn lamp_strokes(lamp: &Lamp) -> Vec<Stroke<'_>> {
     strokes
 }
 
-/// True if two strokes of one drone overlap in time.
+/// Returns true if two strokes are of one drone and overlap in time.
 fn overlap(a: &Stroke<'_>, b: &Stroke<'_>) -> bool {
-    let ([a_s, b_s], is_same) = ([span_s(a), span_s(b)], a.drone == b.drone);
-    is_same && a_s[0] < b_s[1] && b_s[0] < a_s[1]
+    let ([a_begin_s, a_end_s], [b_begin_s, b_end_s]) = (span_s(a), span_s(b));
+    a.drone == b.drone && a_begin_s < b_end_s && b_begin_s < a_end_s
 }
 
-/// Returns the first and the last time of a stroke, in s.
+/// Returns the first and the last time of a stroke, in s. They are NaN for a stroke without
+/// samples.
 fn span_s(stroke: &Stroke<'_>) -> [f64; 2] {
     let ends = [stroke.samples.first(), stroke.samples.last()];
     ends.map(|sample| sample.map_or(f64::NAN, |sample| sample.time_s))
 }
 
 impl MappedStroke {
-    /// Converts a stroke to the form that the page receives. Returns `None` if one of its points is
-    /// behind the camera, or if the shutter is closed during the entire stroke.
+    /// Converts a stroke to the form that the page receives, with a point every [`STEP_S`] while
+    /// the shutter is open. The letter is that in the middle of the stroke. Returns `None` if one
+    /// of the points is behind the camera, or if the shutter is closed during the entire stroke.
     fn new(stroke: &Stroke<'_>, shot: &Shot) -> Option<Self> {
         let mut points = Vec::new();
         let mut next_s = f64::NEG_INFINITY;

@@ -175,17 +175,10 @@ impl PhotoRequest {
         if log.is_some() && (asker != Asker::Alone || drawing.is_some()) {
             return Err(Message::of_old_page("the log of a flight"));
         }
-        // 1. The subject is checked first, because a visitor can correct errors in it.
+        // The word is checked first, because a visitor can correct errors in it. No page of this
+        // version sends an invalid name or invalid settings.
         let word = plain(&word);
-        let n_letters = word.chars().count();
-        if n_letters > MAX_WORD {
-            return Err(Message::new(
-                Key::WordLong,
-                json!({ "letters": n_letters, "most": MAX_WORD }),
-                format!("{n_letters} letters, wanted at most {MAX_WORD}"),
-                "write a shorter word",
-            ));
-        }
+        check_word(&word)?;
         // A log may have an empty word.
         if word.trim().is_empty() && drawing.is_none() && log.is_none() {
             return Err(Key::WordEmpty.into());
@@ -193,7 +186,6 @@ impl PhotoRequest {
         if !is_name(&visitor) {
             return Err(Message::of_old_page(&format!("a visitor of {} bytes", visitor.len())));
         }
-        // 2. The settings are checked. No page of this version sends invalid settings.
         if let Some(key) = unlisted(&settings, KEYS) {
             let values = json!({ "setting": key });
             return Err(Message::of_old_page(&format!("the setting {key}")).with_values(values));
@@ -209,6 +201,17 @@ impl PhotoRequest {
         let subject = Subject { word, drawing, log, room, settings, aspect };
         Ok(Self { visitor, number, advice, files, subject })
     }
+}
+
+/// Checks that a word has at most [`MAX_WORD`] characters.
+fn check_word(word: &str) -> std::result::Result<(), Message> {
+    let n_letters = word.chars().count();
+    if n_letters <= MAX_WORD {
+        return Ok(());
+    }
+    let values = json!({ "letters": n_letters, "most": MAX_WORD });
+    let text = format!("{n_letters} letters, wanted at most {MAX_WORD}");
+    Err(Message::new(Key::WordLong, values, text, "write a shorter word"))
 }
 
 /// Checks that no value is too long and that none names a file, because a visitor must not read the
@@ -236,7 +239,8 @@ fn unlisted<'a>(settings: &'a BTreeMap<String, String>, keys: &str) -> Option<&'
     })
 }
 
-/// True if a string is a valid name of a visitor.
+/// Returns true if a string is a valid name of a visitor: up to [`MAX_VISITOR`] ASCII letters and
+/// digits.
 pub fn is_name(visitor: &str) -> bool {
     (1..=MAX_VISITOR).contains(&visitor.len())
         && visitor.bytes().all(|byte| byte.is_ascii_alphanumeric())
@@ -248,7 +252,7 @@ impl Subject {
         self.drawing.is_none().then_some(&*self.word)
     }
 
-    /// True for a picture (JPEG), in which lines must be detected.
+    /// Returns true for a picture (JPEG), in which lines must be detected.
     pub fn is_picture(&self) -> bool {
         self.drawing.as_ref().is_some_and(|drawing| drawing.kind == Kind::Jpg)
     }

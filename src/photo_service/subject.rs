@@ -38,7 +38,8 @@ impl Subject {
     }
 
     /// Returns the scene of the page or of the log, with the visitor's settings, for a photo of
-    /// about `pixels` pixels. `face` is a typeface file that replaces the scene's font.
+    /// about `pixels` pixels. `face` is a typeface file that replaces the scene's font. Writes the
+    /// files of the drawing and of the log, which the scene refers to.
     pub(crate) fn prepared(
         &self,
         base: &Base<'_>,
@@ -46,26 +47,13 @@ impl Subject {
         pixels: f64,
     ) -> Result<PreparedScene> {
         let (drawing, room_m) = (self.drawing()?, self.room_m()?);
-        let is_height_typed = self.settings.contains_key("letters.cap_height_m");
-        // 1. The settings of room, drawing, visitor and typeface, in increasing priority.
-        let mut settings: Vec<(String, String)> = Vec::new();
-        if let Some(room_m) = room_m {
-            settings.push(("expose.room_m".into(), format!("{room_m:?}")));
-            settings.extend(letters_within(room_m, drawing.is_some(), is_height_typed));
-        }
-        if let Some((name, bytes)) = &drawing {
-            settings.push(("letters.drawing".into(), (*name).into()));
-            settings.push(("letters.drawing_sha256".into(), sha256(bytes)));
-        }
-        settings.extend(self.settings.clone());
-        settings.extend(face.map(|face| ("letters.font".into(), face.into())));
+        let settings = self.scene_settings(drawing.as_ref(), room_m, face);
         let settings: Vec<(&str, &str)> = settings.iter().map(|(k, v)| (&**k, &**v)).collect();
         let mut scene = match self.store_log()? {
             Some(carried) => carried.distrusted_scene(&settings)?,
             None => base(&settings)?,
         };
         [scene.camera.width_px, scene.camera.height_px] = self.size_px(pixels);
-        // 2. The word, or the drawing's file, which the settings name.
         match drawing {
             Some((name, bytes)) => write_file(name, bytes)?,
             // If the word is empty, the log's scene keeps the word that was flown.
@@ -73,19 +61,44 @@ impl Subject {
             None => scene.set_word(&self.word.replace("\\n", "\n")),
         }
         scene.check()?;
-        // 3. The room: stations, the size of the word, and the position of the camera.
-        let mut profile = Profile::indoor();
+        // The room determines the places of stations, the size of the word, and the place of the
+        // camera, in this order.
         if let Some(room_m) = room_m {
             hang_stations(&mut scene, room_m);
-            if !is_height_typed && !self.settings.contains_key("letters.canvas_m") {
+            let sizes = ["letters.cap_height_m", "letters.canvas_m"];
+            if !sizes.iter().any(|key| self.settings.contains_key(*key)) {
                 fit_within(&mut scene, room_m)?;
             }
         }
+        let mut profile = Profile::indoor();
         if let Some(room_m) = scene.expose.room_m {
             profile = profile.in_room(room_m);
             frame_within(&mut scene, room_m)?;
         }
         Ok(PreparedScene { scene, profile })
+    }
+
+    /// Returns the settings of the room, the drawing, the visitor and the typeface as keys and
+    /// values. Later settings override earlier ones.
+    fn scene_settings(
+        &self,
+        drawing: Option<&(&str, Vec<u8>)>,
+        room_m: Option<[f64; 3]>,
+        face: Option<&str>,
+    ) -> Vec<(String, String)> {
+        let mut settings: Vec<(String, String)> = Vec::new();
+        if let Some(room_m) = room_m {
+            let is_height_typed = self.settings.contains_key("letters.cap_height_m");
+            settings.push(("expose.room_m".into(), format!("{room_m:?}")));
+            settings.extend(letters_within(room_m, drawing.is_some(), is_height_typed));
+        }
+        if let Some((name, bytes)) = drawing {
+            settings.push(("letters.drawing".into(), (*name).into()));
+            settings.push(("letters.drawing_sha256".into(), sha256(bytes)));
+        }
+        settings.extend(self.settings.clone());
+        settings.extend(face.map(|face| ("letters.font".into(), face.into())));
+        settings
     }
 }
 

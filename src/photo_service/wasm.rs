@@ -22,8 +22,11 @@ unsafe extern "C" {
     safe fn progress(stage: u32, fraction: f64);
 }
 
+/// Request, which the page writes.
 static INPUT: Mutex<Vec<u8>> = Mutex::new(Vec::new());
+/// Answer, which the page reads.
 static OUTPUT: Mutex<Vec<u8>> = Mutex::new(Vec::new());
+/// Text of the scene that the page's controls show at the start.
 static BASE: Mutex<String> = Mutex::new(String::new());
 
 /// Reserves memory for a request of `bytes` bytes, and returns its address. The page writes the
@@ -51,7 +54,7 @@ extern "C" fn base() -> usize {
 }
 
 /// Answers with the facts for a page without a server: colors, limits, and the scene that its
-/// controls show at the start.
+/// controls show at the start. Returns the length of the answer in bytes.
 #[unsafe(no_mangle)]
 extern "C" fn about() -> usize {
     let scene = Scene::preset(Preset::default());
@@ -72,7 +75,7 @@ extern "C" fn about() -> usize {
     put(json!(about).to_string())
 }
 
-/// Makes the photo that is shown while a visitor types.
+/// Makes the photo that is shown while a visitor types. Returns the length of the answer in bytes.
 #[unsafe(no_mangle)]
 extern "C" fn live() -> usize {
     answered(|_| Product::Live)
@@ -84,7 +87,7 @@ extern "C" fn photos() -> usize {
     answered(|photo| Product::Large { advice: false, files: photo.files })
 }
 
-/// Makes an archive of the scripts that fly the subject.
+/// Makes an archive of the scripts that fly the subject. Returns the length of the answer in bytes.
 #[unsafe(no_mangle)]
 extern "C" fn script() -> usize {
     answered(|_| Product::Script)

@@ -16,6 +16,7 @@ pub(super) struct Columns {
 }
 
 impl Columns {
+    /// Reads the times of the rows. Raises `InputError` for an array of another shape than (N,).
     pub(super) fn new(time_s: &Bound<'_, PyAny>) -> PyResult<Self> {
         Ok(Self { times_s: numbers(time_s, "time_s", 1)? })
     }
@@ -52,8 +53,8 @@ impl Columns {
     }
 
     /// Returns the lamps' levels by channel, one for each time, 0 to 1. `light` is a dict of arrays
-    /// of the shape (N,). A single array contains the levels of the headlights, which are all
-    /// `default` if it is `None`.
+    /// of the shape (N,), or a single array with the levels of the headlights. If it is `None`, the
+    /// headlights have the level `default` at all times.
     pub(super) fn lights(
         &self,
         light: Option<&Bound<'_, PyAny>>,

@@ -52,16 +52,31 @@ impl PyEstimator {
     }
 }
 
-/// Calls an estimator with the readings of a tick, whose keys `fly` documents. Returns the twelve
-/// states: position in m, yaw, pitch and roll in rad, velocity in m/s and angular velocity in
-/// rad/s. Returns an exception if the result is not twelve finite numbers.
+/// Calls an estimator with the readings of a tick. Returns the twelve states: position in m, yaw,
+/// pitch and roll in rad, velocity in m/s and angular velocity in rad/s. Returns an exception if
+/// the result is not twelve finite numbers.
 fn call_update(
     py: Python<'_>,
     update: &Py<PyAny>,
     readings: &Readings<'_>,
     tick_s: f64,
 ) -> PyResult<[f64; 12]> {
-    // The dict contains only the sensors that have a reading in this tick.
+    let state = update.bind(py).call1((readings_dict(py, readings)?, tick_s))?;
+    let state = numbers(&state, "estimator", 1)?;
+    let not_finite = state.iter().enumerate().find(|(_, value)| !value.is_finite());
+    let not_finite = not_finite.map(|(index, value)| format!("{value} for state {index}"));
+    let actual = match (not_finite, state.try_into()) {
+        (None, Ok(state)) => return Ok(state),
+        (Some(not_finite), _) => not_finite,
+        (None, Err(state)) => format!("{} numbers", Vec::len(&state)),
+    };
+    let hint = "return position, yaw, pitch, roll, velocity and body rate";
+    Err(refused(py, "estimator", actual, "twelve states", hint))
+}
+
+/// Returns the readings of a tick as a dict, whose keys `fly` documents. It contains only the
+/// sensors that have a reading in this tick.
+fn readings_dict<'py>(py: Python<'py>, readings: &Readings<'_>) -> PyResult<Bound<'py, PyDict>> {
     let reading_by_name = PyDict::new(py);
     let vectors = [
         ("rate_rad_s", Some(readings.rate_rad_s)),
@@ -77,6 +92,7 @@ fn call_update(
     for (height, height_m) in readings.heights {
         reading_by_name.set_item(height.name(), height_m)?;
     }
+    // A list without items is left out, like a sensor without a reading.
     let sweeps = readings.sweeps.iter().map(|it| (it.station, it.plane, it.angles_rad));
     if sweeps.len() > 0 {
         reading_by_name.set_item("sweeps", sweeps.collect::<Vec<_>>())?;
@@ -85,16 +101,5 @@ fn call_update(
     if ranges.len() > 0 {
         reading_by_name.set_item("ranges", ranges.collect::<Vec<_>>())?;
     }
-    // The result must be twelve finite numbers.
-    let state =
-        numbers(update.bind(py).call1((reading_by_name, tick_s))?.as_any(), "estimator", 1)?;
-    let not_finite = state.iter().enumerate().find(|(_, value)| !value.is_finite());
-    let not_finite = not_finite.map(|(index, value)| format!("{value} for state {index}"));
-    let actual = match (not_finite, state.try_into()) {
-        (None, Ok(state)) => return Ok(state),
-        (Some(not_finite), _) => not_finite,
-        (None, Err(state)) => format!("{} numbers", Vec::len(&state)),
-    };
-    let hint = "return position, yaw, pitch, roll, velocity and body rate";
-    Err(refused(py, "estimator", actual, "twelve states", hint))
+    Ok(reading_by_name)
 }

@@ -67,9 +67,10 @@ impl PyFlight {
     /// flight lacks the quantity.
     fn array<'py>(&self, py: Python<'py>, quantity: Quantity) -> PyResult<Bound<'py, PyAny>> {
         let (samples, columns) = (&self.flight.samples, quantity.places());
-        let values: Vec<f64> = match self.flight.has(quantity) {
-            true => samples.iter().flat_map(|s| s.numbers()[columns.clone()].to_vec()).collect(),
-            false => vec![f64::NAN; columns.len() * samples.len()],
+        let values: Vec<f64> = if self.flight.has(quantity) {
+            samples.iter().flat_map(|s| s.numbers()[columns.clone()].to_vec()).collect()
+        } else {
+            vec![f64::NAN; columns.len() * samples.len()]
         };
         array(py, &values, columns.len())
     }
@@ -78,7 +79,8 @@ impl PyFlight {
 #[pymethods]
 impl PyFlight {
     /// Creates a flight from columns, as the class documents. Raises `InputError` for fewer than
-    /// two times, and for times that are not in seconds.
+    /// two times, and for times that are not in seconds. Issues warnings about numbers that look as
+    /// if they had other units or axes.
     #[new]
     #[pyo3(signature = (time_s, position_m, *, light = None, attitude_rad = None, design_m = None))]
     fn from_arrays<'py>(
@@ -91,20 +93,7 @@ impl PyFlight {
     ) -> PyResult<Self> {
         let columns = Columns::new(time_s)?;
         let times_s = &columns.times_s;
-        if times_s.len() < 2 {
-            let hint = "pass the samples of the flight, one row per time";
-            let actual = format!("{} times", times_s.len());
-            return Err(refused(py, "time_s", actual, "two or more", hint));
-        }
-        // Times in another unit than seconds are recognized by their size.
-        let duration_s = times_s.last().map_or(0.0, |last| last - times_s[0]);
-        let step_s = duration_s / (times_s.len() - 1) as f64;
-        if duration_s > MAX_DURATION_S || step_s > LONGEST_STEP_S {
-            let actual = format!("{duration_s} s with a sample every {step_s:.1} s");
-            let hint = "times are in seconds: divide milliseconds by 1000";
-            let wanted = "at most an hour, and a sample every two seconds";
-            return Err(refused(py, "time_s", actual, wanted, hint));
-        }
+        check_times(py, times_s)?;
         let positions_m = columns.points("position_m", Some(position_m))?;
         let angles_rad = columns.points("attitude_rad", attitude_rad)?;
         let designs_m = columns.points("design_m", design_m)?;
@@ -130,7 +119,6 @@ impl PyFlight {
         unlogged.extend(design_m.is_none().then_some(Quantity::Design));
         let flight = Flight::new(FlightData { samples, lights, unlogged, ..FlightData::default() });
         let mut flight = flight.map_err(|error| raised(py, &error))?;
-        // Numbers that look as if they had other units or axes cause warnings.
         let doubts = doubts(&flight);
         flight.edit(|flight| flight.warnings.extend(doubts.iter().cloned()));
         warn(py, doubts.iter().map(ToString::to_string))?;
@@ -291,6 +279,25 @@ impl PyFlight {
 /// take one or two seconds.
 const LONGEST_STEP_S: f64 = 2.0;
 
+/// Raises `InputError` for fewer than two times, and for times in another unit than seconds, which
+/// are recognized by their size.
+fn check_times(py: Python<'_>, times_s: &[f64]) -> PyResult<()> {
+    let [first_s, .., last_s] = times_s else {
+        let hint = "pass the samples of the flight, one row per time";
+        let actual = format!("{} times", times_s.len());
+        return Err(refused(py, "time_s", actual, "two or more", hint));
+    };
+    let duration_s = last_s - first_s;
+    let step_s = duration_s / (times_s.len() - 1) as f64;
+    if duration_s > MAX_DURATION_S || step_s > LONGEST_STEP_S {
+        let actual = format!("{duration_s} s with a sample every {step_s:.1} s");
+        let hint = "times are in seconds: divide milliseconds by 1000";
+        let wanted = "at most an hour, and a sample every two seconds";
+        return Err(refused(py, "time_s", actual, wanted, hint));
+    }
+    Ok(())
+}
+
 /// Returns the scene without setpoint lead and light timing, which suit only the scene's own
 /// controller.
 pub(super) fn for_any_controller(mut scene: Scene) -> Scene {
@@ -328,9 +335,10 @@ fn call_controller(
 ) -> PyResult<[f64; 4]> {
     Python::attach(|py| {
         let (state, reference) = (array(py, &state, 1)?, array(py, &reference, 1)?);
-        let motors = match takes_time {
-            true => function.bind(py).call1((state, reference, time_s))?,
-            false => function.bind(py).call1((state, reference))?,
+        let motors = if takes_time {
+            function.bind(py).call1((state, reference, time_s))?
+        } else {
+            function.bind(py).call1((state, reference))?
         };
         // The result must be four numbers, which the simulator limits to the range of motor
         // commands.

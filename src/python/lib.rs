@@ -138,7 +138,8 @@ fn data_frame(py: Python<'_>, csv: String) -> PyResult<Bound<'_, PyAny>> {
     py.import("pandas")?.call_method1("read_csv", (text,))
 }
 
-/// Returns what pickle stores for an object, the static method `read` and the text to read.
+/// Returns what pickle stores for an object: its static method with the name `read`, and the text
+/// that this method reads.
 fn reduced(object: &Bound<'_, PyAny>, read: &str, text: String) -> PyResult<Reduced<(String,)>> {
     Ok((object.get_type().getattr(read)?.unbind(), (text,)))
 }
@@ -226,7 +227,7 @@ fn run_showing<T: Send + 'static>(
     Ok(product)
 }
 
-/// Copies bytes into a writable numpy array of the given type and shape.
+/// Copies bytes into a writable numpy array of the given type (`f8`, `?` and so on) and shape.
 fn array_of<'py>(
     py: Python<'py>,
     bytes: &[u8],

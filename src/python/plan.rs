@@ -44,15 +44,17 @@ impl PyPlan {
     fn design(&self, time_s: f64, row: usize) -> [Vector3<f64>; 4] {
         let (from, next) = (&self.0.setpoints[row], self.0.setpoints.get(row + 1));
         let Some(next) = next.filter(|_| time_s >= from.time_s) else {
-            // Before the start and after the end of the plan, the design is at rest.
-            let moving = if time_s == from.time_s { 1.0 } else { 0.0 };
-            let [v, a] = [from.velocity_m_s * moving, from.acceleration_m_s2 * moving];
-            return [from.position_m, v, a, self.0.jerk_m_s3(row) * moving];
+            // Before the start and after the end of the plan, the design is at rest. At the time of
+            // the last setpoint, it has that setpoint's motion.
+            let motion = if time_s == from.time_s { 1.0 } else { 0.0 };
+            let [v, a] = [from.velocity_m_s * motion, from.acceleration_m_s2 * motion];
+            return [from.position_m, v, a, self.0.jerk_m_s3(row) * motion];
         };
         let step_s = next.time_s - from.time_s;
-        let jerk_m_s3 = match self.0.jerk_m_s3.is_empty() {
-            true => (next.acceleration_m_s2 - from.acceleration_m_s2) / step_s,
-            false => self.0.jerk_m_s3(row),
+        let jerk_m_s3 = if self.0.jerk_m_s3.is_empty() {
+            (next.acceleration_m_s2 - from.acceleration_m_s2) / step_s
+        } else {
+            self.0.jerk_m_s3(row)
         };
         let velocity_m_s = from.velocity_m_s + from.acceleration_m_s2 * (time_s - from.time_s);
         [from.design_m(time_s), velocity_m_s, from.acceleration_m_s2, jerk_m_s3]

@@ -33,7 +33,8 @@ pub(super) struct PyScene(pub(super) Scene);
 #[pymethods]
 impl PyScene {
     /// Creates a scene from another scene, or from the name of a scene or file, by default `cf21`.
-    /// The keys of `set` and the seed replace its settings, and the word is set last.
+    /// The keys of `set` and the seed replace its settings. The word is set last, because its
+    /// letters depend on the font.
     #[new]
     #[pyo3(signature = (scene = None, *, word = None, seed = None, set = None))]
     fn new(
@@ -59,7 +60,6 @@ impl PyScene {
                 Scene::find(&name, &borrowed).map(|named| named.scene)
             }
         };
-        // The word is set after the other settings, because its letters depend on the font.
         let mut loaded = loaded.map_err(|error| raised(py, &error))?;
         if let Some(word) = word {
             loaded.set_word(word);
@@ -135,7 +135,8 @@ impl PyScene {
     /// Writes ``to_toml`` to a file, which appears when it is complete. ``Scene(FILE)`` reads it.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         let scene = self.0.beside(&path).map_err(|error| raised(py, &error))?;
-        // Files that the scene refers to are copied beside it.
+        // Files that the scene refers to are copied beside it first, so that the scene never refers
+        // to a missing file.
         for (name, bytes) in &scene.copies {
             save(py, &path.with_file_name(name), bytes)?;
         }

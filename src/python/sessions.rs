@@ -72,6 +72,7 @@ pub(super) struct PySessions {
 }
 
 impl PySessions {
+    /// Locks the flights.
     fn all(&self) -> MutexGuard<'_, Vec<SeededFlight>> {
         self.flights.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -105,7 +106,6 @@ impl PySessions {
         by_itself: bool,
     ) -> PyResult<Self> {
         let scene = scene.0.clone();
-        // A plan that is adapted to the scene's own controller does not suit another controller.
         let scene = if by_itself { scene } else { for_any_controller(scene) };
         let conditions = conditions.to_owned();
         // The plan is computed once for all flights.
@@ -136,7 +136,8 @@ impl PySessions {
         self.prepared.plans().first().map_or(0.0, |plan| plan.duration_s())
     }
 
-    /// Restarts each flight whose entry in `seeds` is not None, with that seed.
+    /// Restarts each flight whose entry in `seeds` is not None, with that seed. Raises the
+    /// exception of a Python estimator.
     fn reset(&self, py: Python<'_>, seeds: Vec<Option<u64>>) -> PyResult<()> {
         let result: Result<()> = py.detach(|| {
             let mut flights = self.all();
@@ -182,9 +183,9 @@ impl PySessions {
             return Err(refused(py, "motors", actual, "numbers", hint));
         }
         py.detach(|| {
-            let (mut flights, n_all) = (self.all(), n_commands.iter().sum::<u32>());
+            let (mut flights, n_total) = (self.all(), n_commands.iter().sum::<u32>());
             // The flights run on this thread if there are few commands, or if their order matters.
-            if n_all < LEAST_PARALLEL_COMMANDS || self.estimator.is_some() {
+            if n_total < LEAST_PARALLEL_COMMANDS || self.estimator.is_some() {
                 let commanded = flights.iter_mut().zip(motors).zip(n_commands);
                 commanded.for_each(|((flight, motors), n)| flight.hold(motors, n));
             } else {

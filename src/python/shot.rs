@@ -40,11 +40,12 @@ impl PyShot {
         self.shot.film.as_ref().expect("its shoot keeps it")
     }
 
-    /// Returns the photo as a JPEG of at most 150 kB, at a reduced quality or size.
+    /// Returns the photo as a JPEG of at most [`MOST_BYTES`], at a reduced quality or size if
+    /// necessary.
     fn small_jpeg(&self) -> Vec<u8> {
         let mut photo = self.shot.photo.clone();
         loop {
-            // The sides are halved, because JPEG blocks are visible below a quality of 60.
+            // Below a quality of 60, JPEG blocks are visible, so the sides are halved instead.
             for quality in [90, 75, 60] {
                 let bytes = photo::jpeg(&photo, quality);
                 if bytes.len() <= MOST_BYTES || photo.width_px.min(photo.height_px) < 2 {
@@ -247,21 +248,31 @@ fn recordings_of(
             recordings.product.push(Recording::Flight(flight.clone()));
             continue;
         }
-        // Any other value must be the path of a file.
-        let path = flight.extract::<PathBuf>().map_err(|_no_path| {
-            let actual = flight.get_type().to_string();
-            let hint = "make a Flight from its columns: nc.Flight(time_s, position_m, light=on)";
-            raised(py, &Error::input("flights", actual, "a Flight, or a file's path", hint))
-        })?;
-        let read = Recording::read(&path, &options);
-        let Warned { product, warnings } = read.map_err(|error| raised(py, &error))?;
-        let file = path.display().to_string();
-        let warnings: Vec<_> = warnings.into_iter().map(|warning| warning.in_file(&file)).collect();
-        warn(py, warnings.iter().map(ToString::to_string))?;
+        let Warned { product, warnings } = recording_in_file(&flight, &options)?;
         recordings.warnings.extend(warnings);
         recordings.product.push(product);
     }
     Ok(recordings)
+}
+
+/// Reads the recording in the file whose path is the value `path`, and issues its warnings. Raises
+/// `InputError` for a value that is no path.
+fn recording_in_file(
+    path: &Bound<'_, PyAny>,
+    options: &ImportOptions,
+) -> PyResult<Warned<Recording>> {
+    let py = path.py();
+    let file = path.extract::<PathBuf>().map_err(|_no_path| {
+        let actual = path.get_type().to_string();
+        let hint = "make a Flight from its columns: nc.Flight(time_s, position_m, light=on)";
+        raised(py, &Error::input("flights", actual, "a Flight, or a file's path", hint))
+    })?;
+    let read = Recording::read(&file, options);
+    let Warned { product, warnings } = read.map_err(|error| raised(py, &error))?;
+    let name = file.display().to_string();
+    let warnings: Vec<_> = warnings.into_iter().map(|warning| warning.in_file(&name)).collect();
+    warn(py, warnings.iter().map(ToString::to_string))?;
+    Ok(Warned { product, warnings })
 }
 
 /// Scores the photo of a scene's word, taken by its camera.
@@ -333,13 +344,11 @@ pub(super) fn flip<'py>(
 ///     The text, lines separated by ``\n``.
 #[pyfunction]
 pub(super) fn read(py: Python<'_>, photo: &Bound<'_, PyAny>) -> PyResult<String> {
-    let photo = match photo.hasattr("dtype")? {
-        true => Ok(pixels(photo)?),
-        false => Err(photo.extract::<PathBuf>()?),
-    };
+    let pixels = if photo.hasattr("dtype")? { Some(pixels(photo)?) } else { None };
+    let path = if pixels.is_none() { photo.extract()? } else { PathBuf::new() };
     run(py, &Stop::default(), move || {
         // Because the photo may be rotated, the most likely of four readings is returned.
-        let photo = photo.or_else(|path| photo::read(&path))?;
+        let photo = pixels.map_or_else(|| photo::read(&path), Ok)?;
         Ok(noctograph::score::read_any_way_up(&photo, "").0.of_writing().text)
     })
 }

@@ -91,7 +91,7 @@ pub(super) fn columns<'py>(
     for (name, values) in numbers.into_iter().chain(figures) {
         columns.set_item(name, array_of(py, bytemuck::cast_slice(&values), "f8", &shape)?)?;
     }
-    // The flags are stored as bytes, as numpy does.
+    // numpy stores a flag as a byte.
     let flags: [(&str, Vec<u8>); 2] = [
         ("legible", outcomes.iter().map(|outcome| outcome.legible.into()).collect()),
         ("lost", outcomes.iter().map(|outcome| outcome.lost.is_some().into()).collect()),
@@ -129,6 +129,7 @@ pub(super) fn trials(
     Ok(trials_of(&study))
 }
 
+/// Returns the trials of a study as plain numbers.
 fn trials_of(study: &Study) -> Trials {
     study.trials().map(|trial| (trial.contender, trial.word, trial.seed)).collect()
 }
@@ -180,6 +181,24 @@ fn records(
     Ok(records.collect())
 }
 
+/// Returns the [`records`] of several studies, which are flown one after another. `counter` counts
+/// the flights of all studies that were flown here.
+fn all_records<'a>(
+    studies: impl Iterator<Item = (Study, &'a BTreeMap<usize, String>)>,
+    store: Option<&Store>,
+    stop: &Stop,
+    counter: &AtomicUsize,
+) -> Result<Vec<Vec<Record>>> {
+    let mut n_done = 0;
+    let records = studies.map(|(study, flown)| {
+        let done = &|n| counter.store(n_done + n, Ordering::Relaxed);
+        let records = records(&study, flown, store, stop, done)?;
+        n_done += records.len() - flown.len();
+        Ok(records)
+    });
+    records.collect()
+}
+
 /// Ranks scenes for `rank` in `noctograph/studies.py`. Returns the table, and the keys of
 /// `ranking.json` with the flights. `flown` contains the outcomes of trials that Python flew, as
 /// JSON by their index in [`trials`]. `smaller` contains the number of seeds on each rung of
@@ -212,17 +231,11 @@ pub(super) fn ranking<'py>(
             study.check()?;
         }
         let store = folder.map(|folder| Store::open(&folder)).transpose()?;
-        // The study and the rungs of its ladder are flown with a common count of flights.
         let rungs = ladder.iter().zip(&flown_on_rungs).map(|(rung, flown)| {
             (Study { conditions: study.conditions.clone(), ..rung.clone() }, flown)
         });
-        let (mut n_done, mut records_by_study) = (0, Vec::new());
-        for (study, flown) in std::iter::once((study.clone(), &flown)).chain(rungs) {
-            let done = &|n| counter.store(n_done + n, Ordering::Relaxed);
-            let records = records(&study, flown, store.as_ref(), stop, done)?;
-            n_done += records.len() - flown.len();
-            records_by_study.push(records);
-        }
+        let studies = std::iter::once((study.clone(), &flown)).chain(rungs);
+        let mut records_by_study = all_records(studies, store.as_ref(), stop, counter)?;
         let records = records_by_study.remove(0);
         let mut ranking = rank(&study, &records);
         ranking.acuity = (!ladder.is_empty()).then(|| acuity(&ladder, &records_by_study));
@@ -293,17 +306,16 @@ pub(super) fn tuning<'py>(
             let options =
                 TuneOptions { knobs, words, budget, test_seeds, longest_s: None, conditions, seed };
             let store = folder.map(|folder| Store::open(&folder)).transpose()?;
-            let tuned =
-                tune(&base, &options, store.as_ref(), &inner_stop, &mut |n_flights, best| {
-                    let Some(callback) = &callback else { return true };
-                    // An exception in the callback ends the search.
-                    call_back(callback, n_flights, best).unwrap_or_else(|error| {
-                        *inner_exception.lock().unwrap_or_else(PoisonError::into_inner) =
-                            Some(error);
-                        inner_stop.now();
-                        false
-                    })
-                })?;
+            // An exception in the callback ends the search.
+            let mut watch = |n_flights: usize, best: &Candidate| {
+                let Some(callback) = &callback else { return true };
+                call_back(callback, n_flights, best).unwrap_or_else(|error| {
+                    *inner_exception.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+                    inner_stop.now();
+                    false
+                })
+            };
+            let tuned = tune(&base, &options, store.as_ref(), &inner_stop, &mut watch)?;
             let mut report = tuning_report(&options, &tuned, None);
             report.json["candidates"] = json!(tuned.candidates);
             report.json["front"] = json!(tuned.front);

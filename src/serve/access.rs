@@ -47,7 +47,7 @@ pub(crate) struct Request {
     /// Text after the question mark.
     pub(crate) query: String,
     /// `ETag` of the file in the browser's cache, or an empty text if there is none.
-    pub(crate) if_none_match: Option<String>,
+    pub(crate) if_none_match: String,
     /// Body of a POST, read after the request is admitted, or `None` for a GET.
     pub(crate) body: Option<Bytes>,
 }
@@ -83,7 +83,7 @@ impl Access {
             _ => return Err(HttpError(405, "GET or POST")),
         };
         let query = head.uri.query().unwrap_or_default().to_owned();
-        let if_none_match = Some(field(head, "if-none-match").to_owned());
+        let if_none_match = field(head, "if-none-match").to_owned();
         Ok(Request { peer, base, route: route.to_owned(), query, if_none_match, body })
     }
 
@@ -98,16 +98,18 @@ impl Access {
             "o" if peer.is_loopback() && secrets_match(secret, &self.address.operator) => {
                 Base::Operator
             }
+            // A name in capital letters is no secret of this server, but the page says that the
+            // entry is gone.
             "e" if is_secret(&secret.to_ascii_lowercase()) => Base::Entry(secret.to_owned()),
             _ => return None,
         };
         Some((base, route))
     }
 
-    /// True if a `Host` is `localhost` or a literal IP address, and has the port of this server.
-    /// Without `--network`, only loopback addresses are accepted. Any other name is refused,
-    /// because a foreign page could make its host name resolve to this machine (DNS rebinding),
-    /// which is impossible for a literal address.
+    /// Returns true if a `Host` is `localhost` or a literal IP address, and has the port of this
+    /// server. Without `--network`, only loopback addresses are accepted. Any other name is
+    /// refused, because a foreign page could make its host name resolve to this machine (DNS
+    /// rebinding), which is impossible for a literal address.
     fn is_this_server(&self, host: &str) -> bool {
         let Some((name, port)) = host.rsplit_once(':') else { return false };
         let name = name.strip_prefix('[').and_then(|name| name.strip_suffix(']')).unwrap_or(name);
@@ -117,17 +119,18 @@ impl Access {
     }
 }
 
-/// True if a browser requests an address as a page.
+/// True if a browser requests an address as a page. A browser that accepts any type also counts.
 pub(crate) fn wants_page(head: &Parts) -> bool {
     let accept = field(head, "accept");
     head.method == Method::GET && (accept.contains("text/html") || accept == "*/*")
 }
 
-/// Returns the first language in a browser's list that is one of `languages`, by two letters.
+/// Returns the first language in a browser's list that is one of `languages`, or `None` if there is
+/// none. Languages are compared by the two letters with which a tag such as `de-CH` begins.
 pub(crate) fn language<'a>(head: &Parts, languages: &[&'a str]) -> Option<&'a str> {
-    let wanted = field(head, "accept-language").split(',');
-    let wanted = wanted.filter_map(|tag| tag.trim().get(..2));
-    wanted.filter_map(|tag| languages.iter().find(|code| **code == tag).copied()).next()
+    let tags = field(head, "accept-language").split(',');
+    let mut codes = tags.filter_map(|tag| tag.trim().get(..2));
+    codes.find_map(|accepted| languages.iter().find(|code| **code == accepted).copied())
 }
 
 /// Returns a header field of a request, or an empty text if it is missing or not ASCII.
@@ -158,7 +161,8 @@ fn check_post(head: &Parts) -> HttpResult<()> {
     }
 }
 
-/// True if two secrets are equal. The time of the comparison does not depend on where they differ.
+/// Returns true if two secrets are equal. The time of the comparison does not depend on where they
+/// differ.
 fn secrets_match(a: &str, b: &str) -> bool {
     let different_bits = a.bytes().zip(b.bytes()).fold(0, |bits, (a, b)| bits | (a ^ b));
     a.len() == b.len() && different_bits == 0

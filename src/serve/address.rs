@@ -12,6 +12,7 @@ use noctograph_core::files::Limit;
 
 /// Number of random bytes of a secret.
 const SECRET_BYTES: usize = 16;
+/// Name of the file in a gallery.
 const FILE: &str = "address.json";
 const LIMIT: Limit =
     Limit { bytes: 4 << 10, what: "an address", hint: "remove it to create a new one" };
@@ -44,8 +45,8 @@ pub(crate) fn is_secret(name: &str) -> bool {
 
 impl Address {
     /// Reads the address that the gallery stores, or creates one, and listens on its port. If
-    /// `port` is 0, the port is the stored one or any free one. Adds a secret that the stored
-    /// address lacks, and writes the address to the gallery if it changed.
+    /// `port` is 0, the port is the stored one or any free one. Creates secrets that are missing,
+    /// and writes the address to the gallery if it changed. Without a gallery, nothing is stored.
     pub(crate) fn open(
         gallery: Option<&Path>,
         port: u16,
@@ -53,35 +54,38 @@ impl Address {
     ) -> Result<(Self, TcpListener)> {
         let path = gallery.map(|folder| folder.join(FILE)).filter(|path| path.is_file());
         let stored = path.as_deref().map(Self::read).transpose()?;
-        let listening = listen(ip, port, stored.as_ref().map_or(0, |stored| stored.port));
-        let (listener, open_port) = listening.map_err(|source| {
+        let listener = listen(ip, port, stored.as_ref().map_or(0, |stored| stored.port));
+        let with_port = listener.and_then(|listener| Ok((listener.local_addr()?.port(), listener)));
+        let (open_port, listener) = with_port.map_err(|source| {
             let hint = "choose another port, or 0 for one that is free";
             Error::input("--port", format!("{port} ({source})"), "a port that is free", hint)
         })?;
-        let mut address = match stored.clone() {
-            Some(stored) => Self { port: open_port, ..stored },
-            None => Self {
-                visitors: secret()?,
-                kiosk: String::new(),
-                operator: secret()?,
-                port: open_port,
-            },
-        };
-        // Galleries of earlier versions contain no secret for kiosks.
-        if address.kiosk.is_empty() {
-            address.kiosk = secret()?;
-        }
+        let address = Self::complete(stored.as_ref(), open_port)?;
         if let Some(folder) = gallery.filter(|_| stored.as_ref() != Some(&address)) {
             address.write(folder)?;
         }
         Ok((address, listener))
     }
 
-    /// Returns the address of a gallery. Returns [`Error::Input`] for a secret that anybody could
-    /// guess.
+    /// Returns an address with the stored secrets, and with new ones in place of those that are
+    /// missing. Galleries of earlier versions contain no secret for kiosks.
+    fn complete(stored: Option<&Self>, port: u16) -> Result<Self> {
+        let stored_or_new = |part: fn(&Self) -> &String| {
+            let known = stored.map(part).filter(|secret| !secret.is_empty());
+            known.cloned().map_or_else(secret, Ok)
+        };
+        Ok(Self {
+            visitors: stored_or_new(|stored| &stored.visitors)?,
+            kiosk: stored_or_new(|stored| &stored.kiosk)?,
+            operator: stored_or_new(|stored| &stored.operator)?,
+            port,
+        })
+    }
+
+    /// Reads the address of a gallery. Returns [`Error::Input`] for another file, and for a secret
+    /// that anybody could guess.
     fn read(path: &Path) -> Result<Self> {
         let text = LIMIT.read_text(path)?;
-
         let wrong = match serde_json::from_str::<Self>(&text) {
             Err(error) => error.to_string(),
             Ok(address) => match address.weak_secret() {
@@ -119,10 +123,12 @@ impl Address {
         format!("http://{ip}:{}/k/{}/", self.port, self.visitors)
     }
 
+    /// Returns the address of the kiosk's page at an IP address of this machine.
     pub(crate) fn kiosk_url(&self, ip: IpAddr) -> String {
         format!("http://{ip}:{}/k/{}/", self.port, self.kiosk)
     }
 
+    /// Returns the address of the wall at an IP address of this machine.
     pub(crate) fn wall_url(&self, ip: IpAddr) -> String {
         self.visitors_url(ip) + "wall.html"
     }
@@ -132,24 +138,24 @@ impl Address {
         format!("http://{}:{}/o/{}/", Ipv4Addr::LOCALHOST, self.port, self.operator)
     }
 
+    /// Returns the address of an entry's page at an IP address of this machine.
     pub(crate) fn entry_url(&self, ip: IpAddr, id: &str) -> String {
         format!("http://{ip}:{}/e/{id}/", self.port)
     }
 }
 
-/// Listens on a port, and returns the listener and its port. If `port` is 0, it is the stored port,
-/// or any free port if another program uses the stored one.
-fn listen(ip: Ipv4Addr, port: u16, stored: u16) -> std::io::Result<(TcpListener, u16)> {
-    let listener = match port {
+/// Listens on a port. If `port` is 0, it is the stored port, or any free port if another program
+/// uses the stored one.
+fn listen(ip: Ipv4Addr, port: u16, stored: u16) -> std::io::Result<TcpListener> {
+    match port {
         0 => TcpListener::bind((ip, stored)).or_else(|_in_use| TcpListener::bind((ip, 0))),
         port => TcpListener::bind((ip, port)),
-    }?;
-    let port = listener.local_addr()?.port();
-    Ok((listener, port))
+    }
 }
 
-/// Returns this machine's IP address in its network. Connecting a UDP socket sends nothing, but
-/// looks up the route, here to an address that is reserved for examples (RFC 5737).
+/// Returns this machine's IP address in its network, or `None` without a network. Connecting a UDP
+/// socket sends nothing, but looks up the route, here to an address that is reserved for examples
+/// (RFC 5737).
 pub(crate) fn own_ip() -> Option<IpAddr> {
     let socket = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).ok()?;
     const EXAMPLE: (Ipv4Addr, u16) = (Ipv4Addr::new(192, 0, 2, 1), 9);

@@ -32,13 +32,14 @@ pub(crate) struct Brand {
 }
 
 impl Brand {
-    /// Returns the host's texts and logo from a folder. Returns [`Error::Input`] for a text that is
-    /// too long for the page, or a logo that is not SVG.
+    /// Reads the host's texts and logo from a folder. Returns [`Error::Input`] for an unknown key,
+    /// a text that is too long for the page, or a logo that is not SVG. Returns [`Error::Io`] for a
+    /// folder without `brand.toml`.
     pub(crate) fn read(folder: &Path) -> Result<Self> {
         let path = folder.join("brand.toml");
         let mut words: Words = toml::from_str(&TABLE.read_text(&path)?)
             .map_err(|e| refused(&path, "table", e.message(), "title, [sentence], [consent]"))?;
-
+        // The page has room for a limited number of characters, not bytes.
         let titles = words.title.iter().map(|title| ("title", title, MAX_TITLE));
         let sentences = words.sentence.values().chain(words.consent.values());
         let sentences = sentences.map(|sentence| ("sentence", sentence, MAX_SENTENCE));

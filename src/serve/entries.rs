@@ -118,6 +118,7 @@ struct Acted<'a> {
     entry: ForOperator<'a>,
 }
 
+/// An entry with its place on the disk.
 #[derive(Debug)]
 struct Stored {
     entry: Entry,
@@ -126,6 +127,7 @@ struct Stored {
     sender: Option<IpAddr>,
 }
 
+/// The entries and the state of the queue.
 #[derive(Debug, Default)]
 struct List {
     /// In the order of flight.
@@ -150,28 +152,46 @@ pub(crate) struct Entries {
     revision: watch::Sender<u64>,
 }
 
-/// Token bucket of each recent sender, as the number of entries that the address could still send,
-/// and the time of that number.
+/// Token buckets of recent senders.
 #[derive(Debug, Default)]
-struct Senders(HashMap<IpAddr, (f64, Instant)>);
+struct Senders(HashMap<IpAddr, Bucket>);
+
+/// Token bucket of a sender.
+#[derive(Clone, Copy, Debug)]
+struct Bucket {
+    /// Number of entries that the address could still send at the time `since`.
+    tokens: f64,
+    since: Instant,
+}
 
 impl Senders {
-    /// True if an address may send one more entry, by a token bucket of [`BURST`] entries. If so,
-    /// the entry is counted.
+    /// Returns true if an address may send one more entry, by a token bucket of [`BURST`] entries.
+    /// If so, the entry is counted. Forgets addresses that may send as many as new ones.
     fn admit(&mut self, address: IpAddr, now: Instant) -> bool {
-        // Full buckets are removed, because they equal new ones.
-        self.0.retain(|_, bucket| refilled(*bucket, now) < BURST);
-        let tokens = self.0.get(&address).map_or(BURST, |bucket| refilled(*bucket, now));
+        self.0.retain(|_, bucket| bucket.refilled(now) < BURST);
+        let tokens = self.0.get(&address).map_or(BURST, |bucket| bucket.refilled(now));
         if tokens >= 1.0 {
-            self.0.insert(address, (tokens - 1.0, now));
+            self.0.insert(address, Bucket { tokens: tokens - 1.0, since: now });
         }
         tokens >= 1.0
     }
 }
 
-/// Returns the tokens in a bucket at the time `now`, if it contained `tokens` at the time `since`.
-fn refilled((tokens, since): (f64, Instant), now: Instant) -> f64 {
-    f64::min(BURST, tokens + now.saturating_duration_since(since).as_secs_f64() / REFILL_S)
+impl Bucket {
+    /// Returns the number of tokens in the bucket at the time `now`.
+    fn refilled(self, now: Instant) -> f64 {
+        let waited_s = now.saturating_duration_since(self.since).as_secs_f64();
+        f64::min(BURST, self.tokens + waited_s / REFILL_S)
+    }
+}
+
+/// An entry for which scripts are made.
+#[derive(Debug)]
+pub(crate) struct ToFly {
+    pub(crate) number: u32,
+    pub(crate) title: String,
+    /// Word or drawing with its settings, or `None` if it cannot be read.
+    pub(crate) subject: Option<Subject>,
 }
 
 /// Receipt for the visitor who sent a photo.
@@ -201,18 +221,19 @@ impl Entries {
         Ok(Self { gallery, is_open, warn, list, revision: watch::Sender::new(1) })
     }
 
-    /// Checks, before a photo is made, that an address may send it. Returns the receipt if the
-    /// photo, named by its id, already has an entry.
+    /// Checks, before a photo is made, that an address may send it, and counts the request for the
+    /// rate limit. Returns the receipt if the photo, named by its id, already has an entry, which
+    /// is always accepted and not counted.
     pub(crate) fn admit(&self, photo: &str, sender: IpAddr) -> KeyResult<Option<Receipt>> {
         let mut list = self.list();
         if let Some(receipt) = list.receipt(photo) {
             return Ok(Some(receipt));
         }
-        // The pause is checked after photos that already have an entry.
         if list.paused {
             return Err(Key::Paused);
         }
-        // The limits of the queue are checked before the rate limit, which counts the request.
+        // The limits of the queue are checked before the rate limit, so that a full queue uses up
+        // no tokens.
         let waiting = list.entries.iter().filter(|stored| stored.entry.state == State::Waiting);
         let n_of_sender = waiting.clone().filter(|stored| stored.sender == Some(sender)).count();
         if waiting.count() >= MAX_WAITING || n_of_sender >= MAX_WAITING_OF_SENDER {
@@ -247,7 +268,8 @@ impl Entries {
     }
 
     /// Performs an action of the operator, whose page showed the state `seen`. Refuses the action
-    /// if the state has changed since. Returns the JSON of [`Acted`].
+    /// if the state has changed since. [`Act::Fly`] also marks any other entry in the air as flown,
+    /// and stores the take-off time. Returns the JSON of [`Acted`].
     pub(crate) fn act(&self, id: &str, act: Act, seen: Option<State>) -> KeyResult<String> {
         let mut list = self.list();
         let index = list.index(id)?;
@@ -297,7 +319,8 @@ impl Entries {
         Ok(())
     }
 
-    /// Moves the entries `ids`, in this order, to the front of the queue. Returns the new revision.
+    /// Moves the entries `ids`, in this order, to the front of the queue, first on the disk and
+    /// then in memory. Returns the new revision.
     pub(crate) fn reorder(&self, ids: &[String]) -> KeyResult<u64> {
         let mut list = self.list();
         // The sort is stable, so that the other entries keep their order.
@@ -335,10 +358,12 @@ impl Entries {
         *changes.borrow()
     }
 
+    /// Returns true if the wall shows entries before they are approved.
     pub(crate) fn is_open(&self) -> bool {
         self.is_open
     }
 
+    /// Returns true if no entries are accepted at the moment.
     pub(crate) fn is_paused(&self) -> bool {
         self.list().paused
     }
@@ -390,7 +415,8 @@ impl Entries {
         regular_file(self.list().first(|entry| entry.id == id)?.folder.join(name))
     }
 
-    /// Returns the photos on the wall, newest first. A visitor's repeated word appears once.
+    /// Returns the photos on the wall, newest first, at most [`MAX_ON_WALL`]. If a visitor sent a
+    /// word several times, only the newest photo appears.
     pub(crate) fn wall(&self) -> Wall {
         let list = self.list();
         let entries = list.entries.iter().map(|stored| &stored.entry);
@@ -418,12 +444,13 @@ impl Entries {
         regular_file(self.list().first(|entry| self.hangs(entry, key))?.folder.join(name))
     }
 
-    /// True if an entry is on the wall, under a key.
+    /// Returns true if an entry is on the wall and `key` is its name there.
     fn hangs(&self, entry: &Entry, key: &str) -> bool {
         entry.key == key && self.is_shown(entry)
     }
 
-    /// True if an entry is on the wall: approved, or waiting on an open wall, and not hidden.
+    /// Returns true if an entry is on the wall: approved, or waiting on an open wall, and not
+    /// hidden.
     fn is_shown(&self, entry: &Entry) -> bool {
         let is_approved = match entry.state {
             State::Approved | State::Flying | State::Flown => true,
@@ -433,10 +460,9 @@ impl Entries {
         is_approved && !entry.hidden
     }
 
-    /// Returns the number, title and subject of the entry with the name `id` or, if `id` is `None`,
-    /// of all entries that are approved or in the air, in the order of flight. An unreadable
-    /// subject is `None`.
-    pub(crate) fn to_fly(&self, id: Option<&str>) -> Vec<(u32, String, Option<Subject>)> {
+    /// Returns the entry with the name `id` or, if `id` is `None`, all entries that are approved or
+    /// in the air, in the order of flight.
+    pub(crate) fn to_fly(&self, id: Option<&str>) -> Vec<ToFly> {
         let list = self.list();
         let entries = list.entries.iter().filter(|Stored { entry, .. }| match id {
             Some(id) => entry.id == id,
@@ -445,7 +471,7 @@ impl Entries {
         // Drawings have no title.
         let subjects = entries.map(|Stored { entry, folder, .. }| {
             let title = entry.title.clone().unwrap_or_else(|| DRAWING.to_owned());
-            (entry.number, title, gallery::read_subject(folder))
+            ToFly { number: entry.number, title, subject: gallery::read_subject(folder) }
         });
         subjects.collect()
     }

@@ -34,6 +34,7 @@ const PERIODS_OF_WORK: u32 = 4;
 const SILENCE: Duration = Duration::from_secs(20);
 /// Maximum number of logs that are searched for.
 const MAX_LOGS: usize = 2000;
+/// Maximum number of notes for the operator at a time.
 const MAX_NOTES: usize = 4;
 
 /// State of a log.
@@ -48,13 +49,15 @@ enum State {
     Refused(String),
 }
 
+/// A log in the folder.
 #[derive(Debug)]
 struct Log {
+    /// Size of the file in bytes.
     n_bytes: u64,
     /// Time at which the log last grew.
     grew: Instant,
     state: State,
-    /// Word that was flown, or `None` until the log's head has been read.
+    /// Word that was flown, or `None` until the log's header has been read.
     word: Option<String>,
 }
 
@@ -82,13 +85,13 @@ pub(crate) struct Flights {
 }
 
 impl Flights {
-    /// Searches a folder for the first time, which is created if it does not exist. Logs that
-    /// already exist count as flown.
+    /// Creates the folder if it does not exist, and searches it for the first time. Logs that
+    /// already exist are ignored until they grow.
     pub(crate) fn new(folder: &Path) -> Result<Self> {
         std::fs::create_dir_all(folder).map_err(|e| Error::write(folder, e))?;
         let folder = std::path::absolute(folder).map_err(|e| Error::read(folder, e))?;
         let mut flights = Self { logs: BTreeMap::new(), current: None, n_followed: 0, folder };
-        flights.see(sizes_in(&flights.folder)?);
+        flights.update(sizes_in(&flights.folder)?);
         for log in flights.logs.values_mut() {
             log.state = State::Rests { is_cut: false };
         }
@@ -104,7 +107,7 @@ impl Flights {
             let sizes = sizes_in(&self.folder);
             let is_gone = sizes.is_err();
             if let Ok(sizes) = sizes {
-                self.see(sizes);
+                self.update(sizes);
             }
             self.choose(&server.entries);
             runtime.block_on(self.expose(server));
@@ -112,8 +115,9 @@ impl Flights {
         }
     }
 
-    /// Updates the sizes of the logs. Forgets logs that no longer exist and are not followed.
-    fn see(&mut self, sizes: BTreeMap<PathBuf, u64>) {
+    /// Updates the sizes and states of the logs. Forgets logs that no longer exist and are not
+    /// followed. A log at rest that grew waits to be followed.
+    fn update(&mut self, sizes: BTreeMap<PathBuf, u64>) {
         let current = self.current.as_ref().map(|current| current.path.clone());
         self.logs.retain(|path, _| sizes.contains_key(path) || current.as_ref() == Some(path));
         for (path, n_bytes) in sizes {
@@ -136,14 +140,17 @@ impl Flights {
         }
     }
 
-    /// Reads the words of new logs, and chooses the log to follow if none is being followed.
+    /// Reads the words of new logs, and chooses the log to follow if none is being followed. Only
+    /// the log of an entry for a single drone is followed.
     fn choose(&mut self, entries: &Entries) {
         for (path, log) in self.logs.iter_mut().filter(|(_, log)| log.state == State::Waits) {
-            // A file at rest does not become a script's log, so its head is not read forever.
+            // A file that no longer grows does not become a script's log, so its header is not read
+            // again.
             if log.word.is_none() && log.grew.elapsed() < SILENCE {
                 log.word = word_in(path);
             }
             let flown = log.word.as_ref().and_then(|word| entries.flies(word));
+            // An entry of an earlier version has 0 drones.
             let Some((id, 0 | 1)) = flown.filter(|_| self.current.is_none()) else { continue };
             if let Some(subject) = entries.subject(&id) {
                 self.n_followed += 1;
@@ -154,7 +161,8 @@ impl Flights {
     }
 
     /// Makes the photo of the flight so far if its log has grown. Shows its light or, when the
-    /// flight is over, stores the photo. A log that is refused is no longer followed.
+    /// flight is over, stores the photo. A log that is refused is no longer followed, nor is one
+    /// whose entry is no longer approved.
     async fn expose(&mut self, server: &Server) {
         let Some(current) = &mut self.current else { return };
         let Some(log) = self.logs.get_mut(&current.path) else { return };
@@ -163,7 +171,8 @@ impl Flights {
             self.current = None;
             return;
         }
-        // A log that is complete when it is found ends with its mark, however old it is.
+        // A log that stopped growing without an end mark is over after a while. The worker
+        // recognizes the mark of a complete log.
         let is_over = log.n_bytes == current.n_bytes && log.grew.elapsed() > SILENCE;
         if Instant::now() < current.next || (log.n_bytes == current.n_bytes && !is_over) {
             return;
@@ -190,7 +199,7 @@ impl Flights {
                 }
                 return;
             }
-            // The same log is tried again later.
+            // Nothing is wrong with the log, which is tried again.
             Err(message) if message.key == Key::Busy.name() => return,
             Err(_too_short) if is_over => State::Rests { is_cut: true },
             Err(message) => State::Refused(message.text),
@@ -199,8 +208,8 @@ impl Flights {
         self.current = None;
     }
 
-    /// Returns the operator's notes about the logs that are not followed, and about the folder if
-    /// it has disappeared (`is_gone`).
+    /// Returns the operator's notes about the logs that are not followed, at most [`MAX_NOTES`],
+    /// and about the folder if it has disappeared (`is_gone`).
     fn notes(&self, entries: &Entries, is_gone: bool) -> Vec<FlightNote> {
         let note = |key, path: &Path, why: &str| {
             let name = path.strip_prefix(&self.folder).unwrap_or(path).display().to_string();
@@ -225,8 +234,8 @@ impl Flights {
     }
 }
 
-/// Returns the sizes in bytes of the logs in a folder and its direct subfolders. Links are not
-/// followed.
+/// Returns the sizes in bytes of the logs in a folder and its direct subfolders, at most
+/// [`MAX_LOGS`]. Links are not followed.
 fn sizes_in(folder: &Path) -> Result<BTreeMap<PathBuf, u64>> {
     let mut paths = entries_in(folder)?;
     let folders = paths.iter().filter(|path| path.symlink_metadata().is_ok_and(|m| m.is_dir()));

@@ -24,19 +24,25 @@ use noctograph_photo_service::messages::Message;
 use noctograph_photo_service::request::Subject;
 use noctograph_score::{LetterVerdict, Reason};
 
+/// Name of the file with an entry's facts.
 const ENTRY: &str = "entry.json";
+/// Name of the file with an entry's word or drawing and settings.
 const SUBJECT: &str = "wish.json";
+/// Name of the gallery's file with the order of flight.
 const ORDER: &str = "queue.json";
 const TABLE: Limit = Limit { bytes: 1 << 20, what: "an entry", hint: "move it out of the gallery" };
 
 /// Name of an entry's photo.
 pub(crate) const PNG: &str = "photo.png";
+/// Name of the file with the path of the light over time.
 pub(crate) const REPLAY: &str = "replay.json";
+/// Name of an entry's scene file.
 const SCENE: &str = "scene.toml";
 
 /// Largest number of an entry. A folder with a larger number was added by hand.
 const MAX_NUMBER: u32 = 999_999_999;
 
+/// State of an entry.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum State {
@@ -47,6 +53,7 @@ pub(crate) enum State {
     Rejected,
 }
 
+/// A photo that becomes an entry.
 #[derive(Debug)]
 pub(crate) struct Photo {
     /// Digest of the photo's request.
@@ -156,6 +163,7 @@ pub(crate) struct Order {
     pub(crate) numbers: Vec<u32>,
 }
 
+/// A gallery that this server has locked.
 #[derive(Debug)]
 pub(crate) struct Gallery {
     folder: PathBuf,
@@ -197,8 +205,9 @@ impl Gallery {
         write(&self.folder.join(ORDER), &pretty(order))
     }
 
-    /// Writes an entry's folder, and renames it when it is complete. Increases the entry's number
-    /// until the folder's name is unused. Returns the folder.
+    /// Writes an entry's folder under a temporary name, syncs it to the disk, and renames it.
+    /// Increases the entry's number until the folder's name is unused. Returns the folder. After an
+    /// error, no entry is left.
     pub(crate) fn add(&self, entry: &mut Entry, photo: &Photo) -> Result<PathBuf> {
         let (staging, mut lock) = folder_in(&self.folder).map_err(|e| self.failed(e))?;
         // Only files that can be used without the program are stored, including the drawing,
@@ -238,7 +247,7 @@ impl Gallery {
         }
     }
 
-    /// Returns the error if the gallery cannot be written.
+    /// Returns the error for a gallery that cannot be written.
     fn failed(&self, source: std::io::Error) -> Error {
         Error::write(&self.folder, source)
     }
@@ -266,7 +275,7 @@ impl Entry {
     /// Returns the part of the entry that the operator receives.
     pub(crate) fn for_operator(&self) -> ForOperator<'_> {
         let Self { id, number, title, made, state, hidden, figures, flown, .. } = self;
-        // Four characters of the visitor's name are enough to distinguish visitors.
+        // Four characters of the visitor's secret name are enough to distinguish visitors.
         let visitor = self.visitor.get(..4);
         ForOperator { id, number, title, made, state, hidden, visitor, flown, figures }
     }
@@ -295,10 +304,12 @@ fn read_entry(folder: &Path) -> Result<Option<Entry>> {
     Err(Error::input(path.display(), wrong, "an entry of this program", TABLE.hint))
 }
 
-/// Writes the photo of a flight into an entry's folder under a new name, and returns this name.
+/// Writes the photo of a flight into an entry's folder under a new name, and syncs it to the disk.
+/// Returns this name, which has no extension.
 pub(crate) fn write_flown(folder: &Path, files: &[noctograph_export::File]) -> Result<String> {
     let exists = |number: &u32| folder.join(format!("flown-{number}.png")).exists();
     let name = format!("flown-{}", (1..).find(|number| !exists(number)).unwrap_or(1));
+    // The PNG, which takes the name, is written last. An unfinished set is overwritten.
     for (file, ending) in [(JPEG, "jpg"), (REPLAY, "json"), (PNG, "png")] {
         for noctograph_export::File { bytes, .. } in files.iter().filter(|f| f.name == file) {
             write(&folder.join(format!("{name}.{ending}")), bytes)?;

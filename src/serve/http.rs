@@ -21,6 +21,7 @@ use hyper::header::HeaderValue;
 use hyper::server::conn::http1;
 use hyper::service::service_fn;
 use hyper_util::rt::{TokioIo, TokioTimer};
+use noctograph_core::digest::sha256;
 use noctograph_photo_service::messages::{Key, Message};
 use serde::Serialize;
 use serde_json::json;
@@ -57,6 +58,7 @@ pub(crate) struct HttpError(pub(crate) u16, pub(crate) &'static str);
 
 pub(crate) type HttpResult<T> = Result<T, HttpError>;
 
+/// An open connection and the task that serves it.
 struct Connection {
     peer: IpAddr,
     /// True while the request is being worked on, during which the connection is not closed.
@@ -67,8 +69,8 @@ struct Connection {
 /// A request with the IP address of its sender and [`Connection::is_working`].
 pub(crate) type Arrival = (IpAddr, hyper::Request<Incoming>, Arc<AtomicBool>);
 
-/// Accepts connections forever, and answers their requests with `answer`. If there are too many,
-/// the oldest idle one is closed.
+/// Accepts connections forever, and answers their requests with `answer`. If there are
+/// [`MAX_CONNECTIONS`], the oldest idle one from the IP address with the most is closed.
 pub(crate) async fn accept<F, R>(listener: TcpListener, answer: F) -> Infallible
 where
     F: Fn(Arrival) -> R + Clone + Send + 'static,
@@ -82,7 +84,8 @@ where
         };
         connections.retain(|connection| !connection.task.is_finished());
         if connections.len() >= MAX_CONNECTIONS {
-            // An idle one exists, because fewer requests can be in progress.
+            // If no connection is idle, the new one is closed. That is rare, because fewer requests
+            // can be in progress.
             let Some(index) = oldest_idle(&connections) else { continue };
             connections.remove(index).task.abort();
         }
@@ -92,7 +95,8 @@ where
             let reply = answer((peer, request, working.clone()));
             async { Ok::<_, Infallible>(reply.await) }
         });
-        // Otherwise the end of an answer would be sent only after its beginning was acknowledged.
+        // With Nagle's algorithm, the end of an answer would be sent only after its beginning was
+        // acknowledged.
         let _ = stream.set_nodelay(true);
         let connection = http1::Builder::new()
             .timer(TokioTimer::new())
@@ -133,7 +137,8 @@ pub(crate) async fn discard_body(body: Incoming) {
 }
 
 /// Returns an answer with the fields that all answers contain, which tell browsers not to guess its
-/// type, not to show it elsewhere, and not to send its address to others.
+/// type, not to show it elsewhere, and not to send its address to others. An answer that says that
+/// the server is busy also asks the client to try again after 2 s.
 pub(crate) fn with_common_fields(reply: Reply) -> Reply {
     let reply = match reply.status().as_u16() {
         429 | 503 => with_field(reply, "Retry-After", "2"),
@@ -158,7 +163,8 @@ impl Body for ReplyBody {
     type Data = Bytes;
     type Error = std::io::Error;
 
-    /// Returns the next chunk of the bytes or of the file, read from the disk when it is asked for.
+    /// Returns all bytes, or the next [`CHUNK`] of the file, which is read when it is asked for.
+    /// Returns `None` at the end.
     fn poll_frame(
         mut self: Pin<&mut Self>,
         _: &mut Context<'_>,
@@ -211,15 +217,20 @@ pub(crate) fn with_etag(
     content_type: &'static str,
     body: impl Into<Bytes>,
     etag: &str,
-    if_none_match: Option<&str>,
+    if_none_match: &str,
 ) -> Reply {
-    let is_current = if_none_match == Some(etag);
+    let is_current = if_none_match == etag;
     let reply = uncached(content_type, if is_current { Bytes::new() } else { body.into() });
     let reply = with_status(reply, if is_current { 304 } else { 200 });
     with_field(with_field(reply, "Cache-Control", "no-cache"), "ETag", etag)
 }
 
-/// Sets the status of an answer.
+/// Returns the `ETag` of a content. 64 bits of the digest are enough to distinguish versions.
+pub(crate) fn etag_of(content: &[u8]) -> String {
+    format!("\"{}\"", &sha256(content)[..16])
+}
+
+/// Returns an answer with a status set.
 pub(crate) fn with_status(mut reply: Reply, status: u16) -> Reply {
     *reply.status_mut() = status.try_into().expect("a status of three digits");
     reply

@@ -9,7 +9,7 @@
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
 
-use std::net::{Ipv4Addr, TcpListener};
+use std::net::{IpAddr, Ipv4Addr, TcpListener};
 use std::path::PathBuf;
 use std::process::Command;
 use std::sync::Arc;
@@ -102,7 +102,22 @@ pub struct Addresses {
     pub network: Option<[String; 2]>,
 }
 
-/// Serves the page until the program ends. `announce` is called with the addresses.
+impl Addresses {
+    /// Returns the addresses of the pages. `network_ip` is this machine's IP address in its
+    /// network, if other machines are served.
+    fn new(address: &Address, network_ip: Option<IpAddr>) -> Self {
+        Self {
+            visitors: address.visitors_url(Ipv4Addr::LOCALHOST.into()),
+            kiosk: address.kiosk_url(Ipv4Addr::LOCALHOST.into()),
+            operator: address.operator_url(),
+            network: network_ip.map(|ip| [address.visitors_url(ip), address.kiosk_url(ip)]),
+        }
+    }
+}
+
+/// Serves the page until the program ends. `announce` is called with the addresses before the first
+/// request is answered. Creates the gallery if it does not exist, and a folder for the workers'
+/// files.
 ///
 /// # Errors
 ///
@@ -127,12 +142,7 @@ pub fn serve(
     let ip = if config.network { Ipv4Addr::UNSPECIFIED } else { Ipv4Addr::LOCALHOST };
     let (address, listener) = Address::open(gallery, config.port, ip)?;
     let network_ip = config.network.then(own_ip).flatten();
-    announce(&Addresses {
-        visitors: address.visitors_url(Ipv4Addr::LOCALHOST.into()),
-        kiosk: address.kiosk_url(Ipv4Addr::LOCALHOST.into()),
-        operator: address.operator_url(),
-        network: network_ip.map(|ip| [address.visitors_url(ip), address.kiosk_url(ip)]),
-    })?;
+    announce(&Addresses::new(&address, network_ip))?;
     let server = Server {
         access: Access { address, network: config.network },
         brand,
@@ -151,8 +161,8 @@ pub fn serve(
     run(listener, server, flights)
 }
 
-/// Answers all connections on one thread, follows flights on another, and uses more for the disk.
-/// Returns only if no thread can be started.
+/// Answers all connections on one thread, follows flights on another, and uses up to
+/// [`DISK_THREADS`] more for the disk. Returns only if no thread can be started.
 fn run(listener: TcpListener, server: Server, flights: Option<Flights>) -> Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()

@@ -5,7 +5,8 @@ use std::path::Path;
 
 use flate2::read::GzDecoder;
 use hyper::body::Bytes;
-use noctograph_core::digest::sha256;
+
+use super::http::etag_of;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Limit;
 
@@ -23,8 +24,8 @@ pub(crate) struct Module {
 }
 
 impl Module {
-    /// Returns a compressed module with its tag for caches. Returns [`Error::Input`] for another
-    /// file.
+    /// Reads a compressed module, and returns it with its `ETag`. Returns [`Error::Input`] for a
+    /// file that does not begin like a WebAssembly module when it is decompressed.
     pub(crate) fn read(path: &Path) -> Result<Self> {
         let bytes = LIMIT.read(path)?;
         let mut magic = [0; 4];
@@ -33,9 +34,7 @@ impl Module {
             let wanted = "the file noctograph.wasm.gz that src/photo_service/build writes";
             return Err(Error::input(path.display(), actual, wanted, LIMIT.hint));
         }
-        // 64 bits of the digest are enough to distinguish versions of the file.
-        const ETAG_DIGITS: usize = 16;
-        let etag = format!("\"{}\"", &sha256(&bytes)[..ETAG_DIGITS]);
+        let etag = etag_of(&bytes);
         Ok(Self { gzip: bytes.into(), etag })
     }
 }

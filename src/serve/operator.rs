@@ -5,6 +5,7 @@ use serde_json::json;
 
 use super::access::Request;
 use super::address::Address;
+use super::entries::ToFly;
 use super::gallery::{JPEG, PNG, REPLAY};
 use super::http::{self, Reply};
 use super::routes::{Posted, Server, ZIP, file_reply, qr_code};
@@ -47,7 +48,8 @@ impl Server {
 
     /// Answers a POST to the operator's address. Each action increases the revision.
     pub(crate) fn operator_post(&self, parts: &[&str], body: &[u8]) -> KeyResult<Reply> {
-        // The page compares this revision with its own to determine whether it is up to date.
+        // The page compares the returned revision with its own to determine whether it is up to
+        // date.
         let revision = match *parts {
             ["entries", id] => {
                 let posted = Posted::parse(body, &["do", "was"])?;
@@ -66,7 +68,7 @@ impl Server {
 
     /// Returns the answer with the archive of an entry's scripts, or the reason why it has none.
     pub(crate) async fn script(&self, id: &str) -> KeyResult<Reply> {
-        let (results, archive) = self.export(Some(id)).await?;
+        let Export { results, archive } = self.export(Some(id)).await?;
         match results.into_iter().flat_map(|exported| exported.refused).next() {
             Some(refused) => Ok(http::refused(refused)),
             None => Ok(http::uncached(ZIP, archive)),
@@ -74,14 +76,15 @@ impl Server {
     }
 
     /// Makes the scripts of one entry or, if `id` is `None`, of all entries to be flown, in order.
-    /// Returns the result for each entry, and an archive of the scripts and the results.
-    pub(crate) async fn export(&self, id: Option<&str>) -> KeyResult<(Vec<Exported>, Vec<u8>)> {
+    /// Entries that are refused are listed with the reason. Returns [`Key::Closed`] for an unknown
+    /// entry.
+    pub(crate) async fn export(&self, id: Option<&str>) -> KeyResult<Export> {
         let entries = self.entries.to_fly(id);
         if id.is_some() && entries.is_empty() {
             return Err(Key::Closed);
         }
         let (mut results, mut files) = (Vec::new(), Vec::new());
-        for (index, (number, title, subject)) in entries.into_iter().enumerate() {
+        for (index, ToFly { number, title, subject }) in entries.into_iter().enumerate() {
             let name = format!("{:02}-{}", index + 1, stem(&title));
             let made = match subject {
                 None => Err(Key::Broken.into()),
@@ -104,7 +107,7 @@ impl Server {
         }
         let bytes = format!("{:#}\n", json!(results)).into_bytes();
         files.push(File { name: "export.json".into(), bytes });
-        Ok((results, zip(&files)))
+        Ok(Export { results, archive: zip(&files) })
     }
 }
 
@@ -121,6 +124,14 @@ fn hex_text(query: &str) -> Option<String> {
         u8::try_from(digits[0]? << 4 | digits[1]?).ok()
     });
     String::from_utf8(bytes.collect::<Option<_>>()?).ok()
+}
+
+/// Result of exporting entries.
+pub(crate) struct Export {
+    /// Result for each entry.
+    pub(crate) results: Vec<Exported>,
+    /// Archive (ZIP) of the scripts, in a folder for each entry, and of the results.
+    pub(crate) archive: Vec<u8>,
 }
 
 /// Result of exporting an entry.

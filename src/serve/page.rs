@@ -4,7 +4,7 @@ use hyper::http::request::Parts;
 use serde_json::Value;
 
 use super::access::language;
-use super::http::{Reply, uncached, with_field, with_status};
+use super::http::{Reply, etag_of, uncached, with_field, with_status};
 
 /// Lists the names and contents of files in two folders.
 macro_rules! files {
@@ -31,13 +31,14 @@ pub(crate) const FILES: &[(&str, &str)] = files! {
 /// Returns the common `ETag` of all files, which changes with the program.
 pub(crate) fn etag() -> String {
     let bytes: Vec<u8> = FILES.iter().flat_map(|(_, text)| text.bytes()).collect();
-    format!("\"{}\"", &noctograph_core::digest::sha256(&bytes)[..16])
+    etag_of(&bytes)
 }
 
 /// Languages of the page. The first one is the default.
 const LANGUAGES: [&str; 4] = ["en", "de", "fr", "es"];
 
-/// Returns the page for an address without a valid secret, a sentence in the browser's language.
+/// Returns the page for an address without a valid secret: a sentence in the browser's language, or
+/// in English, with the status 403.
 pub(crate) fn old_address_reply(head: &Parts) -> Reply {
     let code = language(head, &LANGUAGES).unwrap_or(LANGUAGES[0]);
     let name = format!("words/{code}.json");

@@ -8,7 +8,8 @@ const QUIET: usize = 4;
 /// Returns the rows of a code's modules with the white border, in which `true` is dark. The list is
 /// empty if the text is too long.
 fn modules(text: &str) -> Vec<Vec<bool>> {
-    // Addresses are far shorter than the maximum of 2.3 kB.
+    // With level M, a code remains readable if 15 % of it is damaged. Addresses are far shorter
+    // than the maximum of 2.3 kB.
     let Ok(code) = QrCode::with_error_correction_level(text, EcLevel::M) else { return Vec::new() };
     let n = code.width() + 2 * QUIET;
     let mut rows = vec![vec![false; n]; n];
@@ -20,7 +21,8 @@ fn modules(text: &str) -> Vec<Vec<bool>> {
     rows
 }
 
-/// Returns the QR code of a text as an SVG picture, dark on white.
+/// Returns the QR code of a text as an SVG picture, dark on white. A text that is too long yields
+/// an empty picture.
 pub(crate) fn svg(text: &str) -> String {
     // A single path draws all dark modules over a white square.
     let rows = modules(text);
@@ -38,8 +40,9 @@ pub(crate) fn svg(text: &str) -> String {
     )
 }
 
-/// Returns a code for a terminal with a black background, with two rows of modules per line. The
-/// white modules are printed as characters.
+/// Returns the QR code of a text for a terminal with a black background, with two rows of modules
+/// per line. The white modules are printed as characters. A text that is too long yields an empty
+/// code.
 pub fn printed(text: &str) -> String {
     let mut lines = String::new();
     // A character is twice as high as it is wide, so half blocks form square modules.

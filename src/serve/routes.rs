@@ -3,8 +3,9 @@
 use std::net::{IpAddr, Ipv4Addr};
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 
+use hyper::body::Incoming;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value, json};
 
@@ -25,6 +26,7 @@ use noctograph_photo_service::messages::{Key, KeyResult, Message};
 use noctograph_photo_service::request::{MAX_WORD, PhotoRequest, Product};
 use noctograph_pipeline::scene::Scene;
 
+/// State of the server, for all requests.
 #[derive(Debug)]
 pub(crate) struct Server {
     pub(crate) access: Access,
@@ -53,28 +55,13 @@ pub(crate) struct Server {
 }
 
 impl Server {
-    /// Answers a request from its arrival to its reply. Sets the connection's flag while the
-    /// request is being worked on, so that the connection is not closed.
+    /// Checks and answers a request, and returns the reply. Sets the connection's flag while the
+    /// request is being worked on, so that the connection is not closed. The body of a refused
+    /// request is discarded.
     pub(crate) async fn answer(self: Arc<Self>, (peer, request, is_working): Arrival) -> Reply {
         let (head, body) = request.into_parts();
         let reply = match self.access.admit(&head, peer) {
-            Ok(mut request) => {
-                // A body is read only after the request is admitted.
-                let read = match &request.body {
-                    Some(_) => http::read_body(body).await.map(Some),
-                    None => Ok(None),
-                };
-                // A connection on which a visitor waits for changes may be closed.
-                let waits = request.route == "news" && request.base != Base::Operator;
-                is_working.store(!waits, Ordering::Relaxed);
-                match read {
-                    Ok(body) => {
-                        request.body = body;
-                        self.route(request).await.unwrap_or_else(http::refused)
-                    }
-                    Err(error) => error.into(),
-                }
-            }
+            Ok(request) => self.answer_admitted(request, body, &is_working).await,
             Err(error) => {
                 http::discard_body(body).await;
                 let is_page = error == HttpError(403, OLD_ADDRESS) && wants_page(&head);
@@ -83,6 +70,25 @@ impl Server {
         };
         is_working.store(false, Ordering::Relaxed);
         http::with_common_fields(reply)
+    }
+
+    /// Reads the body of an admitted POST, and answers the request. Sets the flag `is_working`,
+    /// except for a visitor who waits for changes, whose connection may be closed.
+    async fn answer_admitted(
+        self: &Arc<Self>,
+        mut request: Request,
+        body: Incoming,
+        is_working: &AtomicBool,
+    ) -> Reply {
+        if request.body.is_some() {
+            match http::read_body(body).await {
+                Ok(bytes) => request.body = Some(bytes),
+                Err(error) => return error.into(),
+            }
+        }
+        let waits = request.route == "news" && request.base != Base::Operator;
+        is_working.store(!waits, Ordering::Relaxed);
+        self.route(request).await.unwrap_or_else(http::refused)
     }
 
     /// Answers an admitted request by its address and route. Returns the key of a refusal.
@@ -94,6 +100,7 @@ impl Server {
         match (&request.base, &request.body, &*parts) {
             (_, None, ["news"]) => {
                 let seen = request.query.strip_prefix("seen=");
+                // No list has the revision 0, so it is answered at once.
                 let seen = seen.and_then(|seen| seen.parse().ok()).unwrap_or(0);
                 let revision = self.entries.news(seen).await;
                 Ok(http::json(&json!({ "revision": revision, "boot": self.boot })))
@@ -110,12 +117,14 @@ impl Server {
             }
             (Base::Visitors | Base::Kiosk, None, ["noctograph.wasm.gz"]) => {
                 let Module { gzip, etag } = self.module.as_ref().ok_or(Key::Closed)?;
-                let if_none_match = request.if_none_match.as_deref();
+                let if_none_match = &request.if_none_match;
                 Ok(http::with_etag("application/gzip", gzip.clone(), etag, if_none_match))
             }
-            (Base::Operator, None, ["export.json"]) => Ok(http::json(&self.export(None).await?.0)),
+            (Base::Operator, None, ["export.json"]) => {
+                Ok(http::json(&self.export(None).await?.results))
+            }
             (Base::Operator, None, ["export.zip"]) => {
-                Ok(http::uncached(ZIP, self.export(None).await?.1))
+                Ok(http::uncached(ZIP, self.export(None).await?.archive))
             }
             (Base::Operator, None, ["entries", id, "flight.zip"]) => self.script(id).await,
             _ => {
@@ -126,8 +135,8 @@ impl Server {
         }
     }
 
-    /// Answers a request that may wait for the disk, by its kind of address. Visitors with an
-    /// entry's address cannot post.
+    /// Answers a request that may wait for the disk, by its kind of address. An entry's address
+    /// accepts no POST.
     fn answer_with_disk(&self, request: &Request) -> KeyResult<Reply> {
         let parts: Vec<&str> = request.route.split('/').collect();
         match (&request.base, &request.body) {
@@ -161,9 +170,8 @@ impl Server {
         };
         let name = if request.route.is_empty() { first } else { &request.route };
         let (_, text) = FILES.iter().find(|(file, _)| *file == name).ok_or(Key::Closed)?;
-        let if_none_match = request.if_none_match.as_deref();
         let kind = content_type(name);
-        let reply = http::with_etag(kind, text.as_bytes(), &self.etag, if_none_match);
+        let reply = http::with_etag(kind, text.as_bytes(), &self.etag, &request.if_none_match);
         Ok(with_field(reply, "Content-Security-Policy", POLICY))
     }
 
@@ -251,8 +259,8 @@ impl Server {
         }
     }
 
-    /// Returns the answer with a photo or scripts made on this machine, for the host or for
-    /// browsers without the module.
+    /// Makes a photo or scripts on this machine, for the host or for browsers without the module.
+    /// `name` is the route. Returns the answer, in which a refusal is a message for the page.
     async fn photo(&self, photo: PhotoRequest, name: &str, request: &Request) -> KeyResult<Reply> {
         let product = match name {
             "live" => Product::Live,
@@ -276,7 +284,8 @@ impl Server {
     }
 
     /// Adds an entry for the photo that a visitor sends to be flown, and makes the photo again from
-    /// its request. Returns the answer with the entry's name, number and page.
+    /// its request, unless the request already has an entry. Returns the answer with the entry's
+    /// name, number and page.
     async fn send_entry(
         self: &Arc<Self>,
         body: &[u8],
@@ -345,7 +354,8 @@ const MAX_LANGUAGE: usize = 8;
 pub(crate) struct Posted(Map<String, Value>);
 
 impl Posted {
-    /// Parses a JSON object, and refuses members whose names are not in `names`.
+    /// Parses a JSON object. Returns [`Key::PageOld`] for other texts, and for a member whose name
+    /// is not in `names`.
     pub(crate) fn parse(body: &[u8], names: &[&str]) -> KeyResult<Self> {
         let members: Map<String, Value> =
             serde_json::from_slice(body).map_err(|_broken| Key::PageOld)?;
@@ -353,7 +363,8 @@ impl Posted {
         if is_valid { Ok(Self(members)) } else { Err(Key::PageOld) }
     }
 
-    /// Returns a member. An omitted member is null.
+    /// Returns a member. An omitted member is null. Returns [`Key::PageOld`] for a member of
+    /// another type.
     pub(crate) fn member<T: DeserializeOwned>(&self, name: &str) -> KeyResult<T> {
         let member = self.0.get(name).cloned().unwrap_or_default();
         serde_json::from_value(member).map_err(|_other| Key::PageOld)

@@ -126,9 +126,10 @@ impl Maker {
         Self { is_frugal: true, ..Self::new(program, scratch) }
     }
 
-    /// Runs a job, and returns the answer or the message of a refusal. If the future is dropped
-    /// while the job waits, the job is never started. If it is dropped later, the job is stopped,
-    /// except for the photo of a keystroke.
+    /// Runs a job in the worker, which is started if there is none, and returns the answer or the
+    /// message of a refusal. A worker that exceeds the time limit is killed. If the future is
+    /// dropped while the job waits, the job is never started. If it is dropped later, the job is
+    /// stopped, except for the photo of a keystroke.
     pub(crate) async fn make(&self, job: Job) -> std::result::Result<Parcel, Message> {
         let _permit = self.permits.try_acquire().map_err(|_full| Key::Busy)?;
         let mut slot = self.worker.clone().lock_owned().await;
@@ -150,11 +151,9 @@ impl Maker {
             *slot = Some(worker);
             answer
         });
-        // The task that makes the photo for a keystroke continues even if its handle is dropped.
-        let made = match is_live {
-            true => made.await,
-            false => (&mut AbortOnDrop(made).0).await,
-        };
+        // The task that makes the photo for a keystroke continues even if its handle is dropped,
+        // because finishing it takes less time than starting another worker.
+        let made = if is_live { made.await } else { (&mut AbortOnDrop(made).0).await };
         made.unwrap_or(Err(Key::Broken.into()))
     }
 }
@@ -214,11 +213,10 @@ impl Worker {
 }
 
 impl Drop for Worker {
-    /// Ends the process, and waits for its end, because Windows does not remove the current folder
-    /// of a running process.
+    /// Kills the process, and waits up to [`END_TRIES`] times [`END_PAUSE`] for its end, because
+    /// Windows does not remove the current folder of a running process.
     fn drop(&mut self) {
         let _ = self.child.start_kill();
-
         for _ in 0..END_TRIES {
             match self.child.try_wait() {
                 Ok(None) => std::thread::sleep(END_PAUSE),
@@ -260,9 +258,9 @@ pub fn work(program: Program, scene: Option<&str>) -> Result<()> {
     Ok(())
 }
 
-/// Returns the part of an answer that the server receives: an answer for the page if it asked
-/// (`page`), or else the files and the facts for an entry. Refuses an entry whose flight is not
-/// safe.
+/// Returns the part of an answer that the server receives. If a page asked (`page`), this is a file
+/// with the answer for the page, or else the files with the facts for an entry, to which the path
+/// of the light is added. Refuses an entry whose flight is not safe.
 fn to_parcel(answer: Answer, page: Option<Asked>) -> std::result::Result<Parcel, Message> {
     if let Some(asked) = page {
         let bytes = PageAnswer::new(asked, Ok(answer)).json().into_bytes();
@@ -292,7 +290,6 @@ fn write_answer(made: std::result::Result<Parcel, Message>) -> std::io::Result<(
         }
         Err(message) => (Err(message), Vec::new()),
     };
-
     let mut out = std::io::stdout().lock();
     writeln!(out, "{}", json!(head))?;
     for file in files {
@@ -330,7 +327,8 @@ impl Drop for JobFolder<'_> {
 struct JobMaker<'a> {
     program: Program,
     scene: Option<&'a str>,
-    /// Cached typefaces on this machine, by the letters of the word.
+    /// Cached typefaces on this machine, by the letters of the word. `None` stands for letters that
+    /// no typeface contains.
     faces: RefCell<BTreeMap<BTreeSet<char>, Option<PathBuf>>>,
     /// Flight that was followed last.
     following: Cell<Option<Following>>,
@@ -344,6 +342,7 @@ struct Following {
 }
 
 impl Following {
+    /// Opens the log of a flight, of which no light has been drawn yet.
     fn open(Followed { path, number, .. }: &Followed) -> Result<Self> {
         let (number, log) = (*number, GrowingLog::open(path)?);
         Ok(Self { number, log, film: FlightFilm::default() })
@@ -383,7 +382,8 @@ impl JobMaker<'_> {
         made
     }
 
-    /// Returns the page's scene with overriding settings, and its files in the current folder.
+    /// Returns the page's scene with overriding settings, and brings the files that it names into
+    /// the current folder.
     fn base(&self, settings: &[(&str, &str)]) -> Result<Scene> {
         let mut scene = match self.scene {
             Some(named) => Scene::find(named, settings)?.scene,
@@ -395,8 +395,8 @@ impl JobMaker<'_> {
         Ok(scene)
     }
 
-    /// Returns a typeface on this machine that contains all letters of a word, if there is one.
-    /// The last [`MAX_FACES`] sets of letters are cached.
+    /// Returns a typeface on this machine that contains all letters of a word, if there is one. The
+    /// result is cached for each set of letters. A full cache is cleared before a new set is added.
     fn face(&self, word: &str) -> Option<PathBuf> {
         let letters: BTreeSet<char> = word.chars().filter(|c| !c.is_whitespace()).collect();
         let mut faces = self.faces.borrow_mut();
@@ -411,13 +411,13 @@ impl JobMaker<'_> {
 }
 
 /// Links or copies a file into the current folder, unless it is there, and returns its name there.
+/// A name that is already used is preceded by underscores.
 fn bring_here(path: &Path) -> Result<String> {
     let here = std::env::current_dir().map_err(|source| Error::read(path, source))?;
     let mut name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     if path.parent() == Some(&here) {
         return Ok(name);
     }
-    // Another file may already have the same name.
     while Path::new(&name).exists() {
         name.insert(0, '_');
     }

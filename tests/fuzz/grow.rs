@@ -15,8 +15,8 @@ const BRACKETS: [(u8, u8); 4] = [(b'{', b'}'), (b'[', b']'), (b'(', b')'), (b'<'
 /// Separators between elements.
 const SIGNS: [&[u8]; 7] = [b"", b",", b" ", b"\n", b";", b", ", b"}{"];
 
-/// Returns the maximum size of files that are grown for a reader, and the function that grows them,
-/// which repeats parts of valid files or generates files itself.
+/// Returns the maximum size of files that are grown for a reader, and the function that grows them.
+/// The function repeats parts of valid files, or generates files.
 pub(crate) fn grower(reader: &str) -> Option<(usize, Grower)> {
     const KIB: usize = 1 << 10;
     const MIB: usize = 1 << 20;
@@ -163,7 +163,8 @@ fn nest(bytes: &mut Vec<u8>, room: usize, random: &mut Random) {
         element(&outer[1..], random).unwrap_or_else(|| token(&outer[1..outer.len() - 1], random));
     let (head, tail) = (outer[..=from].to_vec(), outer[to + 1..].to_vec());
     let times = room / (head.len() + tail.len()).max(1);
-    // Half of the cases nest to the full size, and half less, because readers limit the depth.
+    // Half of the cases are nested to the full size, and the others less deeply, because readers
+    // limit the depth.
     let times = if random.below(2) == 0 { times.min(1 + random.below(200)) } else { times };
     bytes.splice(begin + to + 1..begin + to + 1, tail.repeat(times));
     bytes.splice(begin..begin, head.repeat(times));

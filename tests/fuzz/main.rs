@@ -28,7 +28,7 @@ mod words;
 use noctograph::letters::{Font, Trace};
 use readers::Reader;
 
-/// Maximum memory for reading a damaged file, which is small, in bytes.
+/// Maximum memory, in bytes, for reading a damaged file. Damaged files are small.
 const DAMAGED: usize = 256 << 20;
 /// Maximum memory, in bytes, for reading a file as large as its reader accepts, or a photo of up to
 /// 256 letters, which is read blind twice and scored once.
@@ -103,8 +103,8 @@ fn a_face_has_one_budget_for_all_its_characters() {
     assert!(error.contains("heavy.ttf: found more work than an input may cause"), "{error}");
 }
 
-/// Words of equal and of alternating letters are written, scored in their own and in each other's
-/// photos, read blind, and taken from the scene in a photo.
+/// Words of equal and of alternating letters are written, scored in their own photo and in that of
+/// the other word, read blind, and taken from the scene in a photo.
 #[test]
 fn no_word_takes_much_memory() {
     let reader = Reader { name: "words", file: "word.txt", read: words::read, good: || vec![] };

@@ -95,7 +95,7 @@ fn finite(strokes: Strokes) -> bool {
     true
 }
 
-/// Reads a flight and computes its light, which would be expensive for an excessive duration.
+/// Reads a flight and computes its light. An excessive duration would make this expensive.
 fn flight(_: &Path, bytes: &[u8]) -> bool {
     let Ok(flight) = Flight::parse_csv(bytes, "flight.csv") else { return false };
     let _ = light(&flight, &LightOptions::default(), 0, 0);

@@ -56,7 +56,7 @@ enum Language {
     Python,
 }
 
-/// Serde attributes of a type, a member or a variant.
+/// Serde attributes of a type, of a member or of a variant.
 #[derive(Default)]
 struct Told {
     rename: Option<String>,

@@ -12,7 +12,7 @@ pub(crate) enum Difference {
     Pixels { differing: usize, largest: u8, first: Option<(usize, usize)> },
 }
 
-/// Compares two photos pixel by pixel with tolerance zero. `None` if they are equal.
+/// Compares two photos pixel by pixel with tolerance zero. Returns `None` if they are equal.
 pub(crate) fn compare(wanted: &Photo, found: &Photo) -> Option<Difference> {
     let size = |photo: &Photo| (photo.width_px, photo.height_px);
     if size(wanted) != size(found) {

@@ -156,7 +156,7 @@ fn a_drone_alone_flies_as_with_the_single_filter_bit_for_bit() {
             ("sensors.heights", "[\"time-of-flight\", \"barometer\"]"),
             ("observer.cooperative.start_tilt_rad", "0.02"),
             // The outlier gate is opened, because a single drone's filter may reject a link
-            // forever, whereas the fleet's filter accepts it again.
+            // forever. The fleet's filter accepts the link again.
             ("observer.ekf.gate_sigmas", "1e6"),
         ];
         let mut scene = Scene::find(FLOOR, &settings).unwrap().scene;

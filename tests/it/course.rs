@@ -12,7 +12,7 @@ const HONEST: [(&str, &str); 3] = [
     ("bert", "preset = \"cf-brushless\"\n[controller]\nkind = \"pid\"\n"),
     ("cleo", "[controller]\nlqr.r = [1e9, 1e9, 1e9, 1e9]\n"),
 ];
-/// Submissions that would win without flying better, with the reasons for which they are refused.
+/// Submissions that would win without flying better, each with the reason for which it is refused.
 const CHEATS: [(&str, &str, &str); 6] = [
     ("picture", "photo.background = \"tea.png\"", "photo.background differs from the task's"),
     ("shutter", "camera.shutter_close_s = 1.2", "camera.shutter_close_s differs from the task's"),

@@ -117,7 +117,7 @@ fn a_word_too_large_for_every_camera_in_a_room_is_stopped_and_no_picture_is_prom
     let at = folder.path();
     for (room, canvas_m, severity) in [
         ("4x3x2.5", Some("[3, 1.3]"), "stop"),
-        // Lenses other than the scene's 35 mm lens can show the word.
+        // The word is also in the picture with lenses other than the scene's 35 mm lens.
         ("4x6x2.5", Some("[3, 1.3]"), "warning"),
         // A word that is fitted to the room is as large as a camera inside the room can show.
         ("2x2x2", None, "fine"),

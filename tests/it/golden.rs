@@ -42,7 +42,8 @@ pub(crate) fn assert_golden(file: &str, found: &str) {
     }
 }
 
-/// Returns the photo of a scene, exposed on the CPU, because all backends produce the same film.
+/// Returns the photo of a scene, exposed on the CPU. No other backend is needed, because all of
+/// them produce the same film.
 fn photograph(scene: Scene) -> Photo {
     let mut shoot = Shoot {
         judging: Judging::Skipped,

@@ -157,7 +157,7 @@ fn limited(limit: &str, arguments: &str) -> (Option<i32>, String) {
     let folder = tempfile::tempdir().unwrap();
     let open = std::fs::Permissions::from_mode(0o777);
     std::fs::set_permissions(folder.path(), open).unwrap();
-    // A copy, because the ordinary user may not reach the superuser's folders.
+    // The program is copied, because the ordinary user may not reach the superuser's folders.
     let program = noctograph(folder.path()).get_program().to_owned();
     std::fs::copy(program, folder.path().join("noctograph")).unwrap();
     let script = format!("ulimit {limit}; exec ./noctograph {arguments}");

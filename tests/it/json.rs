@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use crate::cli::{json, noctograph};
 
-/// Headings of verbs with their commands, each of which finds files of earlier commands.
+/// Headings of verbs, each with its commands. A command may read files that earlier commands wrote.
 const COMMANDS: [(&str, &str); 16] = [
     ("plan", "plan I --style even"),
     ("plan", "plan --drawing line.svg -o line.csv"),

@@ -16,8 +16,8 @@ use std::process::{Child, Command, Stdio};
 
 use crate::cli::noctograph;
 
-/// Processor times, in s, after which the first run of an input, and any later run, counts as
-/// having accepted it. A larger input is refused sooner, even on a slow machine.
+/// Processor times, in s, after which the first run of an input and each later run, respectively,
+/// count as having accepted the input. A larger input is refused sooner, even on a slow machine.
 const AT_WORK_CPU_S: [f64; 2] = [0.5, 60.0];
 const REFUSED_MB: f64 = 300.0;
 const ACCEPTED_MB: f64 = 1000.0;

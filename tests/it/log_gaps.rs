@@ -40,7 +40,8 @@ fn a_gap_of_a_log_travels_into_the_advice_and_the_lamps_are_not_blamed() {
     assert!(read.gaps.len() == 1 && (read.gaps[0][0] - from_s).abs() < 0.02, "{gaps}");
     assert!(read.samples.iter().any(|sample| sample.letter == Some(1)));
 
-    // The photo of the log contains the word and the gap, and so does the flight if it is passed.
+    // The photo of the log contains the word and the gap. So does the flight that is passed to
+    // `score`.
     let exposed = ["expose", "log.json", "--word", "NO"];
     noctograph(folder.path()).args(exposed).args(SMALL).assert().success();
     for more in [&[][..], &["--flight", "log.json"], &["--flight", "flown.csv"]] {

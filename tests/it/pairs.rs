@@ -200,7 +200,8 @@ fn a_folder_is_read_with_the_files_that_it_was_written_with() {
     assert!(said.contains("both: found no plan-2.csv"), "{said}");
     assert_eq!(run(parent, &["check", "both/plan-1.csv"]).1["drones"], json!(1), "named alone");
 
-    // A plan for fewer drones removes the surplus plans of an earlier set, but no other plans.
+    // Writing plans for fewer drones removes the surplus plans of an earlier set, but no other
+    // plans.
     plan("NO", "3", "three");
     plan("HI", "2", "three");
     assert_eq!(names_in(&parent.join("three")), ["plan-1.csv", "plan-2.csv", "scene.toml"]);

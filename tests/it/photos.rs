@@ -113,7 +113,7 @@ fn an_svg_is_written_in_its_colors_and_its_photo_is_a_scene() {
     let drawing = ["--drawing", "two.svg", "--size", "160x90", "-o", "one"];
     let first = again(&[&lamp[..], &drawing].concat());
     let photo = photo::read(&folder.path().join("one/photo.png")).unwrap();
-    // `halves` is the difference of red and blue in each half of the picture.
+    // `halves` contains the difference between red and blue in each half of the picture.
     let mut halves = [0; 2];
     for (i, pixel) in photo.rgb8.chunks(3).enumerate() {
         halves[usize::from(i % 160 >= 80)] += i32::from(pixel[0]) - i32::from(pixel[2]);

@@ -102,7 +102,7 @@ fn an_evening_of_logs_becomes_a_page_and_conditions_that_a_preview_takes() {
         assert!(html.contains(part), "{part}");
     }
     assert!(html.contains(">1</text>") && !html.contains(">1.5</text>"), "flights are whole");
-    // The drone of these flights differs from the scene's, which the advice mentions.
+    // The drone of these flights differs from the scene's drone, and the advice says so.
     std::fs::create_dir(folder.path().join("other")).unwrap();
     run(
         "fly plan.csv --set vehicle.center_of_mass_m=[0.003,0] --set vehicle.k_f_n=1.9e-6 -o other/cf1.csv",

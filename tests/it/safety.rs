@@ -228,7 +228,8 @@ fn the_lights_of_a_trajectory_are_timed_on_its_own_flight() {
         serde_json::from_slice(&std::fs::read(at.join("noor.vviz")).unwrap()).unwrap();
     let colors = show["performances"][0]["payloadDescription"][0]["payloadActions"].as_array();
     let first = colors.unwrap().iter().position(|color| color["r"] != 0).unwrap();
-    // No controller lags in a viewer, so the lights are timed by the positions that it shows.
+    // A viewer shows the design without the lag of a controller, so the lights are timed by the
+    // design's positions.
     let ahead_s = changes[0] - first as f64 / 20.0;
     assert!((0.15..0.9).contains(&ahead_s), "{first} of 20 Hz, {changes:?}");
 }

@@ -396,7 +396,8 @@ fn a_visitor_gets_a_photo_and_its_files() {
     let png = file(&large, "photo.png");
     let folder = tempfile::tempdir().unwrap();
     let typed = ["preview", "OSLO", "--size", "1920x1080", "--backend", "cpu", "-o", "."];
-    // Words for an audience are in reading order, without hot pixels, on a uniform floor.
+    // Words for an audience are written in reading order, and photographed on a uniform floor
+    // without hot pixels.
     let keys = [
         "--set=plan.style.order=reading",
         "--set=photo.noise.hot_pixel_frac=0",
@@ -440,7 +441,7 @@ fn a_script_that_is_not_safe_is_refused_with_its_reason() {
     assert_eq!(key(&said), "page-old", "what was flown already is no wish: {said}");
 }
 
-/// Each lamp that the page offers writes separately, in color and in white.
+/// Each lamp that the page offers can write without the others, in color and in white.
 #[test]
 fn every_lamp_that_can_be_chosen_writes() {
     let server = Server::start(&[]);
@@ -1326,7 +1327,7 @@ fn a_killed_server_leaves_nothing() {
     let mut server = Server::start_in(temporary.path(), &[]);
     server.sent("me", "I");
     server.post("live", &word("I"));
-    // A busy worker also ends.
+    // A worker that is busy ends as well.
     let mut asking = server.connect();
     let path = format!("{}script", server.path);
     asking.write_all(&server.posting(&path, &word("NOOR"))).unwrap();

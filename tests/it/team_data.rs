@@ -295,7 +295,7 @@ fn the_teams_log_gives_back_the_conditions_that_were_taken_from_it() {
     };
     near(&figures["thrust_frac"], 1.0, 0.03);
     near(&figures["gust_m_s"], 0.08, 0.02);
-    // Published lags of such rotors range from 0.02 to 0.14 s.
+    // Published values of such rotors' lag range from 0.02 to 0.14 s.
     near(&figures["lag_s"], 0.08, 0.06);
     let outage =
         found["conditions"].as_array().unwrap().iter().find(|c| c["key"] == "radio_outage_s");

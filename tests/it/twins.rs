@@ -12,7 +12,8 @@ use noctograph::light::{Emitter, Lamp, LightSample, LightTrace, LightTraceData};
 use crate::golden::assert_golden;
 use crate::gpu_required;
 
-/// Returns a lamp on a figure eight, from a phase on, sampled at `hz` for `duration_s`.
+/// Returns a lamp that moves along a figure eight, starting at a phase, sampled at `hz` for
+/// `duration_s`.
 fn figure(duration_s: u32, hz: u32, phase: f64, rgb: [f64; 3]) -> Lamp {
     let emitter = Emitter {
         name: "figure".into(),

@@ -1,4 +1,4 @@
-"""Controllers of other projects in Noctograph, unchanged: `nc.fly(scene, controller=RotorPy(scene))`.
+"""Flies unchanged controllers of other projects in Noctograph: `nc.fly(scene, controller=RotorPy(scene))`.
 
 As classes they are what `nc.fly_many`, `nc.rank` and a graded submission take, too. Each imports its package when it
 is made. Run with rotorpy 3.0.0, crazyflow 0.4.0, gym-pybullet-drones 2.1.0, udaan 1.3.0 and foundation-policy 1.0.2.
@@ -60,9 +60,10 @@ class Crazyflow:
 
 
 class Pybullet:
-    """`DSLPIDControl` of gym-pybullet-drones at 100 Hz, its rotors' forces as those of a Crazyflie 2.x.
+    """`DSLPIDControl` of gym-pybullet-drones at 100 Hz, with the forces of a Crazyflie 2.x.
 
-    It takes rates from differences of angles: at 500 Hz it turns over on the noise of an estimate.
+    The controller computes rates from differences of angles. At 500 Hz the noise of an estimate makes the drone turn
+    over.
     """
 
     def __init__(self, scene):
@@ -88,7 +89,7 @@ class Pybullet:
 
 
 class Udaan:
-    """`PositionPDController` and `GeometricAttitudeController`, their gains per mass and per inertia."""
+    """`PositionPDController` and `GeometricAttitudeController`, whose gains are scaled by mass and inertia."""
 
     def __init__(self, scene):
         from udaan.control.quadrotor import GeometricAttitudeController, PositionPDController
@@ -114,7 +115,7 @@ class Udaan:
 
 
 class Raptor:
-    """`foundation_policy.Raptor` at 100 Hz: a trained policy that finds out in flight which drone it flies."""
+    """`foundation_policy.Raptor` at 100 Hz, a trained policy that identifies its drone in flight."""
 
     def __init__(self, scene):
         from foundation_policy import Raptor as Policy

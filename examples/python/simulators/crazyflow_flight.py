@@ -1,4 +1,4 @@
-"""A flight of crazyflow as a photograph: `pip install crazyflow`, then `python crazyflow_flight.py NOOR noor.png`.
+"""Photographs a flight of crazyflow: `pip install crazyflow`, then `python crazyflow_flight.py NOOR noor.png`.
 
 Run with crazyflow 0.4.0, JAX 0.10.1 and MuJoCo 4.0.0.
 """
@@ -11,7 +11,7 @@ from crazyflow.control import Control
 from crazyflow.sim import Sim
 
 word, photo = sys.argv[1:]
-# Any controller: the design is sent as it is, and the lights follow it.
+# For any controller, the setpoints and the lights are those of the design.
 scene = nc.Scene("cf21", word=word, set={"plan.reference": "design", "plan.light_clock": "setpoint"})
 (plan,) = nc.plan(scene)
 

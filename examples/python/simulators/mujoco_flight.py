@@ -1,4 +1,4 @@
-"""A flight of MuJoCo as a photograph: `pip install mujoco`, then `python mujoco_flight.py NOOR noor.png cf2.xml`.
+"""Photographs a flight of MuJoCo: `pip install mujoco`, then `python mujoco_flight.py NOOR noor.png cf2.xml`.
 
 The Crazyflie is Menagerie's: `bitcraze_crazyflie_2/cf2.xml` of https://github.com/google-deepmind/mujoco_menagerie,
 read without its meshes. It brings no controller. Its torques, at most 1e-5 N m as shipped, do not turn it fast enough
@@ -13,7 +13,7 @@ import noctograph as nc
 import numpy as np
 
 word, photo, model_file = sys.argv[1:]
-# Any controller: the design is sent as it is, and the lights follow it.
+# For any controller, the setpoints and the lights are those of the design.
 scene = nc.Scene("cf21", word=word, set={"plan.reference": "design", "plan.light_clock": "setpoint"})
 (plan,) = nc.plan(scene)
 
@@ -26,7 +26,7 @@ design, flown = plan.at(time_s), []
 for x, v, a in zip(design.position_m, design.velocity_m_s, design.acceleration_m_s2):
     mujoco.mj_kinematics(model, data)
     flown.append(data.qpos[:7].copy())
-    # Geometric control: the thrust is along the body's z, and the torque turns z toward the force and x ahead.
+    # Geometric control: the thrust acts along the body's z, and the torque turns z toward the desired force and x forward.
     rotation = data.xmat[1].reshape(3, 3)
     force = mass * (a + [0, 0, 9.81] + 30 * (x - data.qpos[:3]) + 10 * (v - data.qvel[:3]))
     turn = rotation.T @ np.cross(rotation[:, 2], force / np.linalg.norm(force)) - [0, 0, rotation[1, 0]]

@@ -1,4 +1,4 @@
-"""A flight of gym-pybullet-drones as a photograph: `python pybullet_flight.py NOOR noor.png`.
+"""Photographs a flight of gym-pybullet-drones: `python pybullet_flight.py NOOR noor.png`.
 
 It is not in the Python package index: `pip install git+https://github.com/utiasDSL/gym-pybullet-drones`.
 Run with gym-pybullet-drones 2.1.0 (commit 90b178a) and pybullet 3.2.7.
@@ -13,7 +13,7 @@ from gym_pybullet_drones.envs.CtrlAviary import CtrlAviary
 from gym_pybullet_drones.utils.enums import DroneModel
 
 word, photo = sys.argv[1:]
-# Any controller: the design is sent as it is, and the lights follow it.
+# For any controller, the setpoints and the lights are those of the design.
 scene = nc.Scene("cf21", word=word, set={"plan.reference": "design", "plan.light_clock": "setpoint"})
 (plan,) = nc.plan(scene)
 

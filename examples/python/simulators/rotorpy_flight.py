@@ -1,4 +1,4 @@
-"""A flight of RotorPy as a photograph: `pip install rotorpy`, then `python rotorpy_flight.py NOOR noor.png`.
+"""Photographs a flight of RotorPy: `pip install rotorpy`, then `python rotorpy_flight.py NOOR noor.png`.
 
 Run with rotorpy 3.0.0.
 """
@@ -13,7 +13,7 @@ from rotorpy.vehicles.crazyflie_params import quad_params
 from rotorpy.vehicles.multirotor import Multirotor
 
 word, photo = sys.argv[1:]
-# Any controller: the design is sent as it is, and the lights follow it.
+# For any controller, the setpoints and the lights are those of the design.
 scene = nc.Scene("cf21", word=word, set={"plan.reference": "design", "plan.light_clock": "setpoint"})
 (plan,) = nc.plan(scene)
 

@@ -1,4 +1,4 @@
-"""Flights of other simulators and of their controllers in Noctograph, as the table of docs/model.md.
+"""Prints the table of docs/model.md on flights of other simulators, and of their controllers in Noctograph.
 
 `python examples/python/simulators/table.py [cf2.xml]`; a simulator that is not installed has no row.
 """
@@ -16,14 +16,14 @@ import noctograph as nc
 
 #: Motors that are faster than those of `cf21`.
 FAST = {"vehicle.motor_rise_s": 0.05, "vehicle.motor_fall_s": 0.05}
-#: Simulator: package, example, controller and what is set for it.
+#: Simulators, each with its package, its example, its controller and the settings of the scene.
 ROWS = {
     "RotorPy": ("rotorpy", "rotorpy_flight.py", "RotorPy", {}),
     "crazyflow": ("crazyflow", "crazyflow_flight.py", "Crazyflow", {}),
-    # It knows no lag of the motors, and turns over with the 0.14 s of `cf21`; udaan's gains swing with it.
+    # The controller does not model the lag of the motors, and turns over with the 0.14 s of `cf21`. udaan's gains oscillate with it.
     "gym-pybullet-drones": ("gym_pybullet_drones", "pybullet_flight.py", "Pybullet", FAST),
     "Menagerie's cf2 in MuJoCo": ("mujoco", "mujoco_flight.py", None, {}),
-    # Controllers that fly no Crazyflie of their own.
+    # Controllers whose simulators have no Crazyflie.
     "udaan, its geometric controller": ("udaan", None, "Udaan", FAST),
     "RAPTOR, a trained policy": ("foundation_policy", None, "Raptor", {}),
 }  # fmt: skip
@@ -31,7 +31,7 @@ STILL = {"observer.kind": "truth", "air.gusts": "none", "plan.reference": "desig
 
 
 def figures(shot, flight):
-    """P(read), lag, and mean and largest contour error over the letters."""
+    """Returns P(read), the lag, and the mean and largest contour error over the letters."""
     tracking = nc.compare(flight, flight, part="letters")["a"]["tracking"]
     contour = tracking["contour"]
     read = f"{shot.verdict['read']} {shot.verdict['readability']:.3f}"
@@ -62,7 +62,7 @@ def main():
         if controller is not None:
             scene = nc.Scene("cf21", word="NOOR", set={**STILL, **keys})
             (own,) = nc.fly(scene, controller=getattr(controllers, controller)(scene))
-            # The same samples as theirs: the lit ones.
+            # Only lit samples are compared, as in the other simulators.
             flight = nc.Flight(own.time_s, own.position_m, light=own.lights, design_m=own.design_m)
             ours = figures(nc.photograph(scene, own), flight)
         print(f"| {name} {version} | {theirs} | {ours} |", flush=True)

@@ -1,4 +1,4 @@
-"""Marks for a class: cheats and faults cost their owner alone."""
+"""Tests the grading of a class. Cheating and faults affect only the submission itself."""
 
 import csv
 import importlib.util
@@ -21,7 +21,7 @@ from estimators import Luenberger  # noqa: E402
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="a process cannot be limited here")
 
 TASK = nc.Scene("cf-brushless", word="I")
-#: The controller of docs/tutorials/first-controller.md; its gains are a class's own.
+#: The controller of docs/tutorials/first-controller.md, whose gains are attributes of the class.
 CASCADE = """
 import numpy as np
 import noctograph as nc
@@ -49,7 +49,7 @@ HONEST = {
     "gains.toml": 'controller.kind = "lqr-integral"\n',
 }
 ZERO = "    return [0, 0, 0, 0]\n"
-#: What it does and, in its row, why it has no place.
+#: Submissions that are refused, each with the reason in its row.
 CHEATS = {
     "frame.py": ("import sys\ndef controller(state, reference):\n    try:\n        sys._getframe(1).f_locals\n"
                  "    except BaseException:\n        pass\n" + ZERO, "failed: sys._getframe is not a controller's"),
@@ -148,14 +148,14 @@ def test_the_acuity_of_submissions_is_that_of_rank(tmp_path):
     ranked = nc.rank(contenders, seeds=2, seed=5, acuity=1, progress=False)
     assert report["acuity"] == ranked["acuity"] and len(report["acuity"]["limits"]) == 3
     assert report["measures"] == ranked["measures"], "marks do not depend on the ladder"
-    # Who fails on the ladder fails.
+    # A controller that fails on the ladder fails the task.
     *marked, raises, tall = rows(report)
     assert raises["note"].startswith("failed: ZeroDivisionError") and tall["note"].startswith("failed: AssertionError")
     limit_m = {limit["contender"]: limit["cap_height_m"]["value"] for limit in ranked["acuity"]["limits"]}
     assert {row["name"]: float(row["acuity_m"]) for row in marked} == limit_m and tall["acuity_m"] == ""
 
 
-#: What packages do as they are imported: null device, open descriptors, and what they do without if it is refused.
+#: Actions of packages during their import: using the null device and open descriptors, and actions that may be refused.
 PACKAGE = """import os, socket, subprocess
 open(os.devnull, "w").close()
 os.fdopen(os.dup(1), "w").close()

@@ -1,4 +1,4 @@
-"""The model f(x, u) against the simulator, and estimators of Python in the loop."""
+"""Compares the model f(x, u) with the simulator, and tests Python estimators in the loop."""
 
 import pathlib
 import sys
@@ -40,7 +40,7 @@ def test_the_linear_model_is_that_of_gains():
     assert np.abs(model.f(x, u)).max() < 1e-12
     a, b = model.linearize(x, u)
     assert a[:12, :12] == pytest.approx(np.array(found["A"]), abs=1e-6)
-    # What a command does when the rotors have followed it.
+    # The effect of a command after the rotors have followed it.
     slow = -a[:12, 12:] @ np.linalg.inv(a[12:, 12:]) @ b[12:]
     assert slow == pytest.approx(np.array(found["B"]) @ np.linalg.inv(scene.motors_from_wrench), rel=1e-5, abs=1e-8)
     discrete, _ = model.linearize(x, u, 0.01)

@@ -1,4 +1,4 @@
-"""The package against the command line: `pytest` with NOCTOGRAPH naming the program."""
+"""Compares the package with the command line: `pytest`, with the path of the program in NOCTOGRAPH."""
 
 import ast
 import concurrent.futures
@@ -105,7 +105,7 @@ def test_a_flight_of_any_simulator_is_photographed():
     assert abs(height - width) < 0.05 * width, "a circle"
     middle = image[image.shape[0] // 2, image.shape[1] // 2]
     assert middle.max() < 100, "and not a disc"
-    # Read-only, strided and integer arrays are arrays.
+    # Read-only, strided and integer arrays are accepted.
     nc.Flight(np.arange(5), np.zeros((3, 5)).T)
 
 
@@ -431,11 +431,11 @@ def test_environments_are_those_of_gymnasium():
         worth += reward
     assert set(info["read"]) == {"I"} and (info["probability"] > 0.3).all() and not truncated.any()
     assert (worth > 0.5).all() and not observation.any(), "landed"
-    # The next step begins the next episode, in other noise.
+    # The next step begins the next episode, with other noise.
     second, reward, over, _, info = drones.step(policy(observation))
     assert second.any() and not reward.any() and not over.any() and not info
     assert (drones.reset(seed=4)[0] == first).all() and (second != first).any()
-    # Fallen: the episode ends without a photo.
+    # The drone has fallen, and the episode ends without a photo.
     for _ in range(2000):
         _, _, over, _, info = drones.step(np.tile([1, 1, 0, 0], (3, 1)))
         if over.any():
@@ -548,7 +548,7 @@ def test_the_code_of_the_readme_runs(path, tmp_path, monkeypatch):
         exec(block, names)
     assert blocks
     if path.startswith("examples"):
-        # What the examples found, not only that they ran.
+        # The results of the examples are checked, too.
         assert not names["found"].lost.any() and (names["found"].probability[0] > 0.5).any(), names["found"]
         assert names["exported"].files and not names["still"].lost.any(), names["still"]
         order = [it["contender"] for it in sorted(names["ranked"]["measures"], key=lambda it: -it["legibility"]["value"])]
@@ -616,8 +616,8 @@ def test_the_interpreter_is_free_meanwhile():
 
 
 def interrupted(code, after_s):
-    """A child that prints a line, and SIGINT some time after; `lasted_s` is from there to its end."""
-    # Where the tests run in the background, SIGINT is ignored, and its child would inherit that.
+    """Starts a child process, and sends SIGINT some time after its first line. `lasted_s` is the time from then to its end."""
+    # If the tests run in the background, SIGINT is ignored, and a child process would inherit this.
     child = subprocess.Popen(
         [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
@@ -680,7 +680,7 @@ def test_notebooks_show_products(shot):
         assert product._repr_svg_().startswith("<svg")
 
 
-#: What a notebook must have found, in its own names.
+#: Variables of notebooks with their expected values.
 RESULTS = {
     "7-benchmark": """
 assert ranking["measures"][0]["contender"] == "firmware-pid" and ranking["measures"][3]["n_lost"] > 0

@@ -1,4 +1,4 @@
-"""Flights of other simulators: what is asked about, what is said, and what is not made up."""
+"""Tests flights of other simulators: checks, warnings, and missing quantities."""
 
 import importlib.util
 import os
@@ -25,7 +25,7 @@ def plan(scene):
 
 
 def heard(make):
-    """What is warned of while something is made, and what was made."""
+    """Returns the warnings while a function runs, and its result."""
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         made = make()
@@ -106,12 +106,12 @@ def test_without_a_design_there_is_no_figure(scene, plan):
 
 def test_a_plan_is_known_at_any_time(plan):
     for name in ("position_m", "velocity_m_s", "acceleration_m_s2", "light"):
-        # The last setpoint may move on: after it the design rests.
+        # The last setpoint may have a velocity, but the design rests after it.
         assert getattr(plan.at(plan.time_s), name)[:-1] == pytest.approx(getattr(plan, name)[:-1], abs=1e-12), name
     time_s = np.linspace(0, plan.duration_s, 40_001)[1:-1]
     at = plan.at(time_s)
     moved = np.gradient(at.position_m, time_s, axis=0)
-    # Where the acceleration steps, the difference of two samples is off by half a step.
+    # If the acceleration jumps, the difference quotient of two samples has an error of half the jump.
     assert np.quantile(np.abs(moved - at.velocity_m_s), 0.99) < 2e-3
     assert at.jerk_m_s3.shape == (len(time_s), 3) and at.yaw_rad.shape == at.light.shape == time_s.shape
     assert (plan.at(plan.time_s).lights["headlights"] == plan.lights["headlights"]).all()
@@ -201,7 +201,7 @@ def test_commands_in_other_units_are_told_of(scene, command):
 
 
 def table(path, plan, columns):
-    """A log with columns by their titles."""
+    """Writes a log with the given columns."""
     names = ["t", "x", "y", "z", *columns]
     rows = np.column_stack([plan.time_s, plan.position_m, *columns.values()])
     path.write_text(",".join(names) + "\n" + "\n".join(",".join(f"{v:.5f}" for v in row) for row in rows) + "\n")

@@ -1,4 +1,4 @@
-"""Goldens by `noctograph.testing`: a flight of the house, and what fails one."""
+"""Tests the golden files of `noctograph.testing` with a flight, and with changes that must fail."""
 
 import json
 import pathlib

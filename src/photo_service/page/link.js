@@ -22,7 +22,7 @@ function parts(/** @type {number} */ aspect) {
   return `${all}`;
 }
 
-/** Returns the settings in the address, or "" if there are none. */
+/** Settings in the address, or "" if there are none. */
 let said = "";
 
 /** Puts the link of the current settings into the address, and returns it. */

@@ -51,9 +51,9 @@ impl Entries {
         Some(light.jpeg.clone())
     }
 
-    /// Returns the name and the number of drones of the entry to which a log of a word belongs.
-    /// This is the entry in the air or else the first approved entry, preferably one without a
-    /// flight.
+    /// Returns the name and the number of drones of the entry to which a log of a word belongs, or
+    /// `None` if there is no such entry. This is the entry in the air or else the first approved or
+    /// flown entry, preferably one without a photo of its flight.
     pub(crate) fn flies(&self, word: &str) -> Option<(String, usize)> {
         let list = self.list();
         let writes = |entry: &Entry| match &entry.title {
@@ -61,6 +61,7 @@ impl Entries {
             Some(title) => title.replace("\\n", "\n") == word,
             None => word == DRAWING,
         };
+        // An entry that lacks the photo of its flight comes before one that has it.
         let rank = |entry: &Entry| match (entry.state, entry.flown.is_some()) {
             (State::Flying, _) => Some(0),
             (State::Approved, false) => Some(1),
@@ -81,7 +82,7 @@ impl Entries {
         gallery::read_subject(&folder)
     }
 
-    /// True if the operator has approved an entry and has not withdrawn the approval.
+    /// Returns true if the operator has approved an entry and has not withdrawn the approval.
     pub(crate) fn is_approved(&self, id: &str) -> bool {
         let is_approved = |entry: &Entry| !matches!(entry.state, State::Waiting | State::Rejected);
         self.list().first(|entry| entry.id == id).is_some_and(|stored| is_approved(&stored.entry))
@@ -107,6 +108,8 @@ impl Entries {
     }
 
     /// Stores the photo of an entry's flight, with which the wall then replaces the preview.
+    /// Returns [`Key::Closed`] for an entry that was removed, and [`Key::DiskFull`] if it cannot be
+    /// written.
     pub(crate) fn land(&self, id: &str, Parcel { figures, files }: &Parcel) -> KeyResult<()> {
         let folder = self.list().first(|entry| entry.id == id).ok_or(Key::Closed)?.folder.clone();
         // The list is not locked during the disk access.

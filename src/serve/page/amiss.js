@@ -1,14 +1,14 @@
-// What is amiss: why a word is not read, and what another version's link, state or a file of another
-// kind makes impossible. Loaded when something is.
+// Explanations of illegible words, of links and states of another version, and of unsuitable files.
+// This module is loaded when it is first needed.
 
 import { change, origin, state } from "./state.js";
 import { sentence } from "./words.js";
 
-/** Reasons that the letters tell better. */
+/** Reasons that are explained by the letters, if possible. */
 const ALIKE = ["misread", "other-length", "unsure"];
 
 /**
- * The letter that is taken most easily for another one, and for which.
+ * Returns the letter that is most easily taken for another one, and that other letter.
  * @param {Judged} verdict
  * @returns {{ i: number, letter: string, best: string } | null}
  */
@@ -21,18 +21,18 @@ export function pair({ letters, rival }) {
   i = shares.indexOf(Math.max(...shares));
   return shares[i] >= ALIKE_P ? { i, letter: letters[i].expected, best: letters[i].rivals[0].letter } : null;
 }
-/** Least probability of another letter that counts as visible. */
+/** Smallest probability of another letter for which a letter counts as similar to it. */
 const ALIKE_P = 0.03;
 
-/** True if two texts have the same shape for the reader: without marks and case, I as l and 1. */
+/** Returns true if two texts look the same to the reader: marks and case do not count, and I equals l and 1. */
 const isAlike = (/** @type {string} */ a, /** @type {string} */ b) => shapes(a) === shapes(b);
 const shapes = (/** @type {string} */ text) =>
   text.normalize("NFD").replace(/[\p{M}\s]/gu, "").toLowerCase().replace(/[l1|]/g, "i");
 
-/** True if a line is the only one. */
+/** Returns true for a word that is a single vertical line. */
 const isLine = (/** @type {LetterVerdict[]} */ letters) => letters.length === 1 && /[Il1|]/.test(letters[0].expected);
 
-/** Why a word is not read, as the eye sees it. @param {Judged} verdict */
+/** Returns a sentence with the visible reason why a word is illegible. @param {Judged} verdict */
 export function reason(verdict) {
   const { letters, rival, word } = verdict;
   const key = (verdict.reason ?? "").replace(/_/g, "-");
@@ -46,14 +46,14 @@ export function reason(verdict) {
 }
 
 /**
- * Leaves out what another version's link or state has set, and this one does not know. Returns
- * whether there was something. @param {Said} error
+ * Removes the settings of another version's link or state that caused an error. Returns true if there
+ * were any. @param {Said} error
  */
 export function leaveOut({ key, values }) {
   const foreign = Object.keys(state.settings).filter((known) => state.settings[known] === origin.settings[known]);
   const name = `${values?.setting ?? ""}.`;
   const named = foreign.filter((known) => name.startsWith(`${known}.`) || `${known}.`.startsWith(name));
-  // What is not named, or follows from others, may be any of them.
+  // If the error names no setting, any of them may have caused it.
   const isUnnamed = !named.length && ["page-old", "not-possible"].includes(key);
   const isRoom = isUnnamed && state.room !== "" && state.room === origin.room;
   const wrong = isUnnamed && !isRoom ? foreign : named;
@@ -65,8 +65,8 @@ export function leaveOut({ key, values }) {
 }
 
 /**
- * An error of an opened log: in a sentence of the page.
- * @param {Said} error @param {boolean} isSeen whether the log was photographed: then it is the word
+ * Returns an error of an opened log with the key of a sentence of the page.
+ * @param {Said} error @param {boolean} isSeen whether the log was photographed, so that the word is the cause
  * @returns {Said}
  */
 export function ofLog(error, isSeen) {

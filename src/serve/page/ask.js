@@ -1,9 +1,9 @@
-// Requests. Every wish has a running number, so that no answer is taken for another's, and the
-// newest one is asked until it is answered: a lost connection is no end.
+// Requests. Requests for photographs are numbered, so that answers cannot be confused. The newest
+// request is repeated until it is answered, even if the connection is lost.
 
 import { keep, state } from "./state.js";
 
-/** After which an answer may be lost. Doubled with each try, so that what takes longer comes, too. */
+/** Times after which a request is repeated. They double with each try, so that slow answers also arrive. */
 const LIVE_MS = 15_000;
 const LARGE_MS = 90_000;
 const LONGEST_PAUSE_MS = 10_000;
@@ -12,15 +12,15 @@ const LONGEST_PAUSE_MS = 10_000;
 let tellLost = () => {};
 /** True if the last request reached no server. */
 let lost = false;
-/** The newest wish. @type {{ number: number, ends: AbortController }} */
+/** The newest request for a photograph. @type {{ number: number, ends: AbortController }} */
 let newest = { number: 0, ends: new AbortController() };
 
-/** Calls back when the connection is lost, found again, or the address is no longer valid. */
+/** Sets a function that is called when the connection is lost or restored, or when the address is no longer valid. */
 export function onLost(/** @type {(lost: boolean | "moved") => void} */ tell) {
   tellLost = tell;
 }
 
-/** Who answers a route: the server, or in a page without one its own worker. */
+/** Answers a request: by the server or, in a page without a server, by the page's own worker. */
 let answers = (/** @type {string} */ route, /** @type {RequestInit} */ init) => fetch(route, init);
 
 /** @param {typeof answers} other */
@@ -28,7 +28,7 @@ export function answeredBy(other) {
   answers = other;
 }
 
-/** What is answered to a route. @param {string} route @param {RequestInit} init */
+/** Returns the answer to a request. @param {string} route @param {RequestInit} init */
 export const request = (route, init = {}) => answers(route, init);
 
 const setLost = (/** @type {boolean | "moved"} */ now) => {
@@ -46,14 +46,14 @@ export const sleep = (ms, signal) =>
     });
   });
 
-/** Milliseconds before the next try: 1, 2, 4 … 10 s. */
+/** Returns the pause in ms before the next try, which doubles up to 10 s. */
 const pause = (/** @type {number} */ tries) =>
   Math.min(LONGEST_PAUSE_MS, 500 * 2 ** Math.min(tries, 6));
 
-/** What went wrong when the server said nothing that can be read. @type {Said} */
+/** Error that is shown if the server's answer cannot be read. @type {Said} */
 const UNKNOWN = { key: "not-possible", text: "this cannot be done" };
 
-/** A refusal with its sentence as data. */
+/** A refusal with its message. */
 export class Refused extends Error {
   constructor(/** @type {Said} */ said, status = 0) {
     super(said.text);
@@ -63,7 +63,7 @@ export class Refused extends Error {
 }
 
 /**
- * Posts to a route and returns what it says.
+ * Posts to a route, and returns the JSON of the answer.
  * @param {string} route @param {unknown} body @param {AbortSignal} [signal]
  */
 export async function post(route, body, signal) {
@@ -103,18 +103,18 @@ const next = () => {
   return state.number;
 };
 
-/** Ends what was asked: the wish is another one now. Returns it. */
+/** Aborts the newest request, and returns a new one in its place. */
 export function begin() {
   newest.ends.abort();
   newest = { number: next(), ends: new AbortController() };
   return newest;
 }
 
-/** The newest wish: the same as long as no other was begun, whatever number it has meanwhile. */
+/** Returns the newest request. It remains the same object when a repetition changes its number. */
 export const current = () => newest;
 
 /**
- * Asks for the photograph of the newest wish until it is there. Returns null if a newer wish came.
+ * Requests a photograph until it is answered. Returns null if a newer request was begun.
  * @param {"live" | "photos"} route
  * @param {Record<string, unknown>} wish
  * @param {(busy: boolean) => void} tellBusy
@@ -154,7 +154,7 @@ export async function ask(route, wish, tellBusy = () => {}) {
 }
 
 /**
- * Follows what happens: waits for a new revision or another start of the server, for ever.
+ * Waits repeatedly for a new revision or a restart of the server, and calls `tell` for each.
  * @param {(news: { revision: number, boot: string }, restarted: boolean) => void} tell
  */
 export async function follow(tell) {

@@ -1,11 +1,11 @@
-// The maker's brand: title and logo.
+// The host's brand, with a title and a logo.
 
 import { make } from "./dom.js";
 
 /**
- * Puts title and logo. Returns the maker's name.
+ * Shows the host's title or logo. Returns the host's name.
  * @param {About | null} about
- * @param {string} [of] what the page is
+ * @param {string} [of] name of the page
  */
 export function putBrand(about, of) {
   const { title, logo } = about?.brand ?? { title: null, logo: false };

@@ -1,7 +1,7 @@
-// Small helpers for the document.
+// Helper functions for the document.
 
 /**
- * The element with an id.
+ * Returns the element with an id.
  * @param {string} id
  * @returns {HTMLElement}
  */
@@ -12,7 +12,7 @@ export function byId(id) {
 }
 
 /**
- * An element with properties, attributes (those with a dash, `role`) and children.
+ * Creates an element with properties, attributes (those with a dash, and `role`) and children.
  * @template {keyof HTMLElementTagNameMap} K
  * @param {K} name
  * @param {Record<string, unknown>} [given]
@@ -32,7 +32,7 @@ export function make(name, given = {}, ...children) {
 const SVG = "http://www.w3.org/2000/svg";
 
 /**
- * An SVG element with attributes.
+ * Creates an SVG element with attributes.
  * @template {keyof SVGElementTagNameMap} K
  * @param {K} name
  * @param {Record<string, string | number>} [attributes]
@@ -44,7 +44,7 @@ export function draw(name, attributes = {}) {
   return element;
 }
 
-// Icons of 24 units, stroked.
+// Paths of icons, which are stroked in a square of 24 units.
 const ICONS = {
   play: "M8 5.5v13l11-6.5z",
   pause: "M8.5 6v12M15.5 6v12",
@@ -83,7 +83,7 @@ export function putIcons(root = document) {
 }
 
 /**
- * Loads a style sheet before what it styles is shown.
+ * Loads a style sheet. The promise is fulfilled when it is loaded, or cannot be loaded.
  * @param {string} href
  * @returns {Promise<void>}
  */

@@ -1,4 +1,4 @@
-// Everything that a visitor of a hall doesn't need: settings, advice, files. A kiosk has no drawer.
+// The drawer with settings, advice and files, which visitors of a hall do not need. A kiosk has no drawer.
 
 import { Refused } from "./ask.js";
 import { byId, make } from "./dom.js";
@@ -10,7 +10,7 @@ import { number, sentence, t } from "./words.js";
 const drawer = /** @type {HTMLDialogElement} */ (byId("drawer"));
 
 /**
- * What sets a key of the scene: [key, word, unit, least, most, step] or [key, word, choices].
+ * Sliders that set a key of the scene: [key, word, unit, least, most, step].
  */
 const SLIDERS = /** @type {const} */ ([
   ["letters.cap_height_m", "height", "m", 0.2, 1.2, 0.05],
@@ -18,7 +18,7 @@ const SLIDERS = /** @type {const} */ ([
   ["plan.drones", "drones", "", 1, 4, 1],
 ]);
 /**
- * A choice's own name needs no translation unless it is a word of the table.
+ * Choices that set a key of the scene: [key, word, choices]. A choice is translated if the page's texts contain its name.
  * @type {[string, string, [string, string][]][]}
  */
 const CHOICES = [
@@ -53,7 +53,7 @@ const CHOICES = [
   ],
 ];
 /**
- * Choices of the page itself.
+ * Choices that set a part of the page's state.
  * @type {[ "lamp" | "room" | "body" | "pace", string, [string, string][]][]}
  */
 const OWN = [
@@ -104,7 +104,7 @@ const FILES = [
 ];
 
 /**
- * Parts of the scene that a guest does not get: the values are those of the default scene.
+ * Values of the default scene for a page that does not receive the scene.
  * @type {Record<string, string>}
  */
 const PLAIN = {
@@ -119,10 +119,10 @@ const PLAIN = {
 /** @typedef {{ shot: Shot | null, large: Large | null, error: Said | null }} Known */
 /** @type {Known} */
 let known = { shot: null, large: null, error: null };
-/** The controller that flew last, beside one whose gains are refused. @type {Record<string, any>} */
+/** Controller of the last flight, which is kept if the gains of a newer request are refused. @type {Record<string, any>} */
 let flown = {};
 
-/** The value of a key in the scene that the page began with. */
+/** Returns the value of a key in the scene with which the page began. */
 const first = (/** @type {string} */ key) =>
   `${key.split(".").reduce((/** @type {any} */ table, part) => table?.[part], about.scene) ?? PLAIN[key] ?? ""}`;
 const value = (/** @type {string} */ key) => state.settings[key] ?? first(key);
@@ -132,7 +132,7 @@ const isGain = (/** @type {string} */ key) => key.startsWith("controller.") && k
 /** @param {Record<string, string>} set */
 function put(set) {
   const settings = { ...state.settings, ...set };
-  // Gains are those of one controller.
+  // Gains apply to only one controller.
   if ("controller.kind" in set) {
     for (const key of Object.keys(settings)) if (isGain(key)) delete settings[key];
     flown = {};
@@ -149,7 +149,7 @@ export function openDrawer(/** @type {Known} */ now) {
   if (!drawer.open) drawer.showModal();
 }
 
-/** The newest photograph: its verdict, advice and files. */
+/** Shows the verdict, the advice and the files of the newest photograph. */
 export function putShot(/** @type {Known} */ now) {
   known = now;
   if (!drawer.open) return;
@@ -181,7 +181,7 @@ function build() {
     part("light", own("lamp"), make("p", { className: "note" }, t("light-note"))),
     part(
       "flight-part",
-      // What was flown cannot be flown otherwise.
+      // A log cannot be flown with other settings.
       ...(isLog() ? [] : [...SLIDERS.map(slider), own("pace"), choice(CHOICES[0]), choice(CHOICES[1]), ...ofGains()]),
       own("room"),
     ),
@@ -258,14 +258,14 @@ function choice([key, word, choices]) {
   return label;
 }
 
-/** The gains, which only the host gets. */
+/** Returns the fields for the gains, which only the host can change. */
 function ofGains() {
   if (!about.scene) return [];
   const list = make("div", { className: "gains" }, ...gains());
   return [make("details", {}, make("summary", {}, t("gains")), list)];
 }
 
-/** The gains of the controller that flew, each number or list of numbers a field. */
+/** Returns the gains of the controller that flew, with a field for each number or list of numbers. */
 function gains() {
   flown = known.large?.controller ?? flown;
   const { kind = "", ...tables } = flown;
@@ -291,13 +291,13 @@ function own(name) {
   return label;
 }
 
-/* ---------- What is known of the photograph ---------- */
+/* ---------- Facts about the photograph ---------- */
 
 function ofShot() {
   const { shot, large, error } = known;
   const verdict = shot?.verdict;
   const parts = [];
-  // In the program's own words, which say what is wanted.
+  // The host reads the program's own message, which says what is wanted.
   if (error?.text && about.home)
     parts.push(make("p", { className: "stop" }, [error.text, error.hint].filter(Boolean).join(": ")));
   if (verdict) {
@@ -342,7 +342,7 @@ function ofShot() {
   return parts;
 }
 
-/** What can be saved of the large photograph. */
+/** Returns the buttons that save the files of the large photograph. */
 function downloads() {
   const { large } = known;
   if (!large) return [];
@@ -368,7 +368,7 @@ function remedy({ gain, set, message }) {
 }
 
 /**
- * A file that is made on request, or the reason why it is not.
+ * Returns a button that makes and saves a file, or the reason why it cannot be made.
  * @param {Large} large
  * @param {string} name
  * @param {string} word

@@ -1,4 +1,4 @@
-// What is done to a drawing: history, strokes, moving, finding.
+// Editing of a drawing: its history, and adding, moving and finding strokes.
 
 import { seen } from "./sketch.js";
 
@@ -17,7 +17,7 @@ export const redone = (/** @type {Sketch} */ sketch) => ({
   now: Math.min(sketch.states.length - 1, sketch.now + 1),
 });
 
-/** The sketch with another list of strokes as its newest state. */
+/** Returns the sketch with a list of strokes as its newest state. */
 export function withStrokes(/** @type {Sketch} */ sketch, /** @type {Stroke[]} */ strokes) {
   const states = [
     ...sketch.states.slice(0, sketch.now + 1),
@@ -64,7 +64,7 @@ export function painted(
 }
 
 /**
- * All strokes moved by a change of their points.
+ * Returns the sketch with all points changed by `to`.
  * @param {Sketch} sketch
  * @param {(x: number, y: number) => [number, number]} to
  */
@@ -87,7 +87,7 @@ export function moved(sketch, to) {
  */
 export const movedPoints = (points, to) => points.map(([x, y, t]) => [...to(x, y), t]);
 
-/** Left, top, right and bottom of strokes, or null without strokes. */
+/** Returns the left, top, right and bottom of strokes, or null without strokes. */
 export function bounds(/** @type {Stroke[]} */ strokes) {
   const all = strokes.flatMap((stroke) => stroke.points);
   if (!all.length) return null;
@@ -97,7 +97,7 @@ export function bounds(/** @type {Stroke[]} */ strokes) {
   return { left: least(xs), top: least(ys), right: most(xs), bottom: most(ys) };
 }
 
-/** How far a point is from a stroke. @param {Stroke} stroke @param {number} x @param {number} y */
+/** Returns the distance of a point from a stroke. @param {Stroke} stroke @param {number} x @param {number} y */
 export function distance({ points }, x, y) {
   let best = Math.hypot(points[0][0] - x, points[0][1] - y);
   for (let i = 1; i < points.length; i += 1) {
@@ -111,7 +111,7 @@ export function distance({ points }, x, y) {
   return best;
 }
 
-/** The stroke that is nearest to a point, if it is within reach. Of equals, the newest. */
+/** Returns the stroke nearest to a point, or null if none is within reach. Of equally near strokes, the newest is returned. */
 export function touched(
   /** @type {Stroke[]} */ strokes,
   /** @type {number} */ x,

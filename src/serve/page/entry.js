@@ -1,4 +1,4 @@
-// A visitor's own page: the photograph, how it was written, and the ways to keep it.
+// The page of a visitor's entry, with the photograph, its replay, and the ways to keep it.
 
 import { follow, get, onLost, Refused } from "./ask.js";
 import { putBrand } from "./brand.js";
@@ -30,11 +30,11 @@ const strip = replay(byId("replay"), (share) => {
   show(share);
 });
 
-/** The photograph that is kept: the flown one, when there is one. */
+/** Returns the name of the photograph that is kept: that of the flight, if there is one. */
 const shown = () => entry?.flown?.name ?? "photo";
 const name = () => entry?.title ?? t("a-drawing");
 const file = () => `${(entry?.title ?? "").replace(/[^\p{L}\p{N}]+/gu, "-") || "photograph"}.png`;
-/** The photograph that is on the page. */
+/** Name of the photograph that the page shows. */
 let seen = "";
 
 function put() {
@@ -62,7 +62,7 @@ function put() {
   putCard();
 }
 
-/** A button that saves a photograph. @param {string} said @param {string} look @param {string} of */
+/** Returns a button that saves a photograph. @param {string} said @param {string} look @param {string} of */
 function keeping(said, look, of) {
   const button = make("button", { type: "button", className: look }, said);
   button.onclick = () => save(`${of}.png`, file()).catch(() => {});
@@ -73,7 +73,7 @@ function sharing() {
   const button = make("button", { type: "button", className: "second" }, t("share"));
   button.onclick = async () => {
     const blob = await (await fetch(`${shown()}.png`)).blob();
-    // A visitor who changes the mind has not failed.
+    // Canceling is not an error.
     await navigator
       .share({ files: [new File([blob], file(), { type: "image/png" })], title: name() })
       .catch(() => {});
@@ -81,7 +81,7 @@ function sharing() {
   return button;
 }
 
-/** The card that is printed: A6, across. */
+/** Fills the card for printing, in A6 landscape format. */
 function putCard() {
   if (!entry) return;
   byId("card").replaceChildren(
@@ -121,7 +121,7 @@ async function load() {
   }
 }
 
-/** Shows the photograph, and how it was written. */
+/** Shows the photograph and its replay. */
 async function putPhoto() {
   if (!entry) return;
   [seen, show, map] = [shown(), null, null];

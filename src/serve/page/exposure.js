@@ -1,14 +1,14 @@
-// The photograph as far as the lamp has come: its own pixels, let through along the lamp's path.
+// Shows the photograph during its exposure, by masking its pixels along the lamp's path.
 //
-// A long exposure adds up light. The room (floor, walls), coarsely, brightens with the share of
-// time; the trail itself is there as soon as the lamp has passed. The way of the lamp is
-// drawn into two small masks: all of it, and what has been flown. Forward, the second only grows.
+// A long exposure adds up light. The room brightens in proportion to the elapsed time, and the trail
+// appears as soon as the lamp has passed. The lamp's path is drawn into two small masks: the whole
+// path, and the part that has been flown. While time advances, the second mask only grows.
 
 import { span } from "./replay.js";
 
-/** Width of the masks: soft edges need no more. */
+/** Width of the masks in pixels, which is enough for soft edges. */
 const MASK_WIDTH = 960;
-/** Widest photograph that is drawn. */
+/** Maximum width of the drawn photograph in pixels. */
 const MOST_WIDTH = 1920;
 /**
  * Widths of the trail and its bloom, and of their soft edges, as fractions of the photograph's width.
@@ -60,7 +60,7 @@ export function exposure(image, replay, canvas) {
   }
 
   /**
-   * Draws a part of the way, from a time to a time.
+   * Draws the part of the path between two times, in 1/100 s.
    * @param {CanvasRenderingContext2D} into @param {number} from @param {number} to
    */
   function trace(into, from, to) {
@@ -71,7 +71,7 @@ export function exposure(image, replay, canvas) {
       for (let i = 0; i < at.length; i += 3) {
         if (i + 3 < at.length && at[i + 3] < from) continue;
         if (at[i] > to) {
-          // The lamp is between two points of the map.
+          // At this time, the lamp is between two points of the map.
           const share = i ? (to - at[i - 3]) / Math.max(1, at[i] - at[i - 3]) : 0;
           if (begun)
             into.lineTo(
@@ -97,7 +97,7 @@ export function exposure(image, replay, canvas) {
   const room = roomOf(image, wholeBloom.canvas);
   let until = -Infinity;
 
-  /** Where the lamps are that shine at a time. @param {number} now */
+  /** Yields the positions and colors of the lamps that are lit at a time. @param {number} now */
   function* lamps(now) {
     for (const { at, rgb } of replay.strokes) {
       if (at[0] > now || at[at.length - 3] < now) continue;
@@ -124,13 +124,13 @@ export function exposure(image, replay, canvas) {
     for (const { pen: each } of [flown, flownBloom]) trace(each, until, now);
     until = now;
 
-    // Along the way that was flown its own pixels; the rest of them come with the end.
+    // Along the flown path, the photograph's pixels are shown. The other pixels fade in near the end.
     mask.pen.globalCompositeOperation = "copy";
     mask.pen.fillStyle = `rgb(0 0 0 / ${share ** 8})`;
     mask.pen.fillRect(0, 0, MASK_WIDTH, high);
     mask.pen.globalCompositeOperation = "destination-out";
     mask.pen.drawImage(wholeBloom.canvas, 0, 0);
-    // The bloom of what was flown, but not the trail that comes beside it.
+    // The bloom of the flown part is shown, but not a later part of the trail beside it.
     bloom.pen.globalCompositeOperation = "copy";
     bloom.pen.drawImage(flownBloom.canvas, 0, 0);
     bloom.pen.globalCompositeOperation = "destination-out";
@@ -143,8 +143,8 @@ export function exposure(image, replay, canvas) {
     pen.drawImage(mask.canvas, 0, 0, width, height);
     pen.globalCompositeOperation = "source-in";
     pen.drawImage(image, 0, 0, width, height);
-    // Elsewhere the room, which knows nothing of what comes. Light adds up linearly; the
-    // photograph's values are its root.
+    // Elsewhere, the room without any trail is shown. Light adds up linearly, and the photograph's
+    // values are gamma-encoded.
     pen.globalCompositeOperation = "destination-over";
     pen.globalAlpha = share ** (1 / 2.2);
     pen.drawImage(room, 0, 0, width, height);
@@ -156,7 +156,7 @@ export function exposure(image, replay, canvas) {
 }
 
 /**
- * The room without the trail, coarsely: each part as what is around the trail there.
+ * Returns a coarse picture of the room without the trail, in which each part has the mean color around the trail.
  * @param {HTMLImageElement} image
  * @param {HTMLCanvasElement} trail
  */
@@ -170,7 +170,7 @@ function roomOf(image, trail) {
   const { data } = around.pen.getImageData(0, 0, across * fine, down * fine);
   const parts = Array.from({ length: across * down + 1 }, () => [0, 0, 0, 0]);
   for (let i = 0; i < data.length; i += 4) {
-    if (data[i + 3] < 250) continue; // where the trail is, the values of the rest are lost
+    if (data[i + 3] < 250) continue; // pixels of the trail do not count
     const x = (i / 4) % (across * fine),
       y = Math.floor(i / 4 / (across * fine));
     for (const sum of [
@@ -191,7 +191,7 @@ function roomOf(image, trail) {
 }
 
 /**
- * The lamp itself, seen against the dark.
+ * Draws a lamp against the dark.
  * @param {CanvasRenderingContext2D} pen
  * @param {number} x
  * @param {number} y
@@ -199,7 +199,7 @@ function roomOf(image, trail) {
  * @param {number[]} rgb
  */
 function glow(pen, x, y, radius, rgb) {
-  // White light looks warm beside the dark. A colored lamp is white only in its middle.
+  // White light looks warm against the dark. A colored lamp is white only in its center.
   const warm = rgb.every((value) => value > 200) ? [255, 196, 116] : rgb;
   const halo = pen.createRadialGradient(x, y, 0, x, y, radius);
   const stops = /** @type {[number, string][]} */ ([

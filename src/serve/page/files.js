@@ -1,20 +1,20 @@
-// A file in place of a word: a drawing as it is, a picture as a JPEG that fits into a request; in a
-// page without a server also the log of a flight.
+// Files in place of a word: a drawing, which is sent unchanged, a picture, which is sent as a JPEG that
+// fits into a request, or, in a page without a server, the log of a flight.
 
 import { about } from "./wish.js";
 
 const MOST_SIDE = 1200;
 const MOST_BASE64 = 180_000;
-/** Most characters of a drawing: what a request may hold, less the rest of it. */
+/** Maximum number of characters in a drawing. With the rest of the request, it fits into the server's limit. */
 const MOST_TEXT = 240_000;
-/** Most bytes of a log: ten minutes of a hundred variables. */
+/** Maximum number of bytes in a log, enough for ten minutes of a hundred variables. */
 export const MOST_LOG = 16_000_000;
-/** Grounds for a transparent picture, and how far its ink is from the one it is lost on. */
+/** Backgrounds for a transparent picture, and the difference in brightness below which ink is invisible on one. */
 const GROUNDS = [255, 0, 128],
   APART = 40;
 
 /**
- * Reads a file, or null if the page does not take it.
+ * Reads a file. Returns null if the page does not accept it.
  * @param {File} file
  * @returns {Promise<Opened | null>}
  */
@@ -24,7 +24,7 @@ export async function opened(file) {
   try {
     if (kind === "svg" || kind === "json") {
       const text = decoded(await file.arrayBuffer());
-      // A log of JSON has variables in place of strokes.
+      // A log in JSON contains variables instead of strokes.
       if (kind === "json" && about.alone && !text.includes('"strokes"')) return await log(file);
       return text.length > MOST_TEXT ? null : { name, kind, text };
     }
@@ -36,7 +36,7 @@ export async function opened(file) {
   }
 }
 
-/** The text of a drawing, in the encoding that its first bytes or its XML declaration name. */
+/** Decodes the text of a drawing by its byte order mark or its XML declaration. */
 function decoded(/** @type {ArrayBuffer} */ bytes) {
   const [a, b] = new Uint8Array(bytes);
   const wide = (a === 0xff && b === 0xfe) || b === 0 ? "utf-16le" : (a === 0xfe && b === 0xff) || a === 0 ? "utf-16be" : "";
@@ -75,8 +75,8 @@ async function jpeg(file) {
 }
 
 /**
- * The ground on which nearly all ink of a transparent picture stands out, as the command line finds
- * it; white where most of the picture is paper. @returns {number}
+ * Returns the background on which nearly all ink of a transparent picture is visible, as the command
+ * line does. It is white if most of the picture is paper. @returns {number}
  */
 function groundOf(
   /** @type {CanvasRenderingContext2D} */ pen,

@@ -1,4 +1,4 @@
-// The keyboard on the screen, for a kiosk whose system has none: its address ends with `?keyboard`.
+// An on-screen keyboard for a kiosk whose system has none. The kiosk's address ends with `?keyboard`.
 
 import { byId, draw, make } from "./dom.js";
 import { watch } from "./state.js";
@@ -18,13 +18,13 @@ const box = make("div", { className: "keyboard", "data-in": "empty word" });
 let letters = [];
 let shift = false;
 
-/** A letter as it would be written now: a name begins with a capital. */
+/** Returns a letter in the current case. A word begins with a capital. */
 function cased(/** @type {string} */ letter) {
   const capital = letter.toLocaleUpperCase();
   return (shift || !word.value) && capital.length === 1 ? capital : letter;
 }
 
-/** Writes at the cursor. Empty text deletes the letter before it. */
+/** Inserts a text at the cursor. An empty text deletes the letter before it. */
 function type(/** @type {string} */ text) {
   const [from, to] = [word.selectionStart ?? 0, word.selectionEnd ?? 0];
   word.setRangeText(text, text || from < to ? from : Math.max(0, from - 1), to, "end");
@@ -38,7 +38,7 @@ function putCase() {
   box.querySelector(".shift")?.setAttribute("aria-pressed", `${shift}`);
 }
 
-/** The sign of the key that deletes. */
+/** Returns the icon of the delete key. */
 function back() {
   const sign = draw("svg", { class: "icon turns", viewBox: "0 0 24 24", "aria-hidden": "true" });
   sign.append(draw("path", { d: "M9 5h12v14H9l-6-7zM12 9.5l5 5M17 9.5l-5 5" }));
@@ -77,7 +77,7 @@ function put() {
 
 export function putKeyboard() {
   byId("consent").before(box);
-  // The system's own stays away, and the field keeps the focus.
+  // The system's own keyboard is not shown, and the field keeps the focus.
   word.inputMode = "none";
   box.onpointerdown = (event) => event.preventDefault();
   watch((changed) => {

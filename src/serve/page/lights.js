@@ -1,20 +1,20 @@
-// Colors of the light: one choice, which the arrow keys move.
+// The choice of the light's color, which the arrow keys change.
 
 import { make } from "./dom.js";
 import { change, state } from "./state.js";
 import { t } from "./words.js";
 import { about } from "./wish.js";
 
-/** The colors of a visitor. The host has all colors. */
+/** Colors that a visitor is offered. The host is offered all colors. */
 const FEW = ["white", "red", "orange", "green"];
 
-/** Names of the colors that are offered. */
+/** Returns the names of the offered colors. */
 export const offered = () =>
   about.colors
     .map(({ name }) => name)
     .filter((name) => (state.lamp && !about.kiosk) || FEW.includes(name));
 
-/** The lamp's colors on a dark screen. The photograph has the true ones. */
+/** Colors of the lamp for a dark screen. The photograph shows the true colors. */
 const SEEN = {
   white: "#fff1d8",
   red: "#ff3b30",
@@ -26,11 +26,11 @@ const SEEN = {
   magenta: "#f04ddb",
 };
 
-/** The color of the screen for a color of the lamp. */
+/** Returns the screen color for a color of the lamp. */
 export const screen = (/** @type {string} */ name) =>
   SEEN[/** @type {keyof typeof SEEN} */ (name)] ?? "#fff1d8";
 
-/** Puts the choice into an element. @param {Element} box @param {string} group */
+/** Shows the choice in an element. @param {Element} box @param {string} group */
 export function putLights(box, group) {
   const choices = offered().map((name) => {
     const input = make("input", {

@@ -1,4 +1,4 @@
-// An exposure that is written by itself, once or again and again.
+// Playback of an exposure, once or repeatedly.
 
 const still = matchMedia("(prefers-reduced-motion: reduce)");
 let film = 0;
@@ -6,9 +6,9 @@ let film = 0;
 export const stopLoop = () => cancelAnimationFrame(film);
 
 /**
- * Writes a photograph within some time, shows it for another, and begins again.
+ * Plays the exposure of a photograph, shows the photograph, and begins again. Stops any earlier playback.
  * @param {(fraction: number) => void} show @param {HTMLElement} photo @param {HTMLCanvasElement} light
- * @param {number} written_ms @param {number} stands_ms Infinity: written once
+ * @param {number} written_ms @param {number} stands_ms Infinity to play only once
  */
 export function loop(show, photo, light, written_ms, stands_ms) {
   stopLoop();

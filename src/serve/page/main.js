@@ -1,4 +1,4 @@
-// The visitor's screen: what is wished becomes a photograph, which can be sent.
+// The visitor's page: a word or a drawing becomes a photograph, which the visitor can send.
 
 import { ask, begin, current, follow, get, onLost, post, Refused, sleep } from "./ask.js";
 import { byId, draw, putIcons, style } from "./dom.js";
@@ -12,18 +12,19 @@ import { obstacle, ofError, ofLength, ofShot, say } from "./verdict.js";
 import { about, FILL, isDrawing, isEmpty, isLog, learn, title, wish } from "./wish.js";
 import { LANGUAGES, ofMaker, preferred, putWords, sentence, speak, speakAll, t } from "./words.js";
 
-/** After which typing rests, and a sharper photograph is worth its work, or is judged. */
+/** Pauses in typing after which a sharper photograph is requested: to show it, or to judge an unclear word. */
 const REST_MS = 900,
   JUDGED_MS = 250;
 /**
- * A small photograph whose large one surely reads, too: its readability, and a rival's probability. Of 167
- * photographs (56 words in three shapes) two were read small only: 0.72 and 0.84, rivals of 0.05 and 0.49.
+ * Least readability, and largest probability of a rival, with which a word that is legible in the small
+ * photograph is also legible in the large one. Of 167 photographs (56 words in three shapes), two were legible
+ * only when small, with readabilities of 0.72 and 0.84, and rivals of 0.05 and 0.49.
  */
 const SURE = 0.88,
   SURE_RIVAL = 0.35;
-/** Widths from which the photograph of a keystroke is too coarse. */
+/** Width of the stage, in device pixels, above which the photograph of a keystroke is too coarse. */
 const SHARP_PX = 1100;
-/** What a Crazyflie's battery carries it for. */
+/** Flight time of a Crazyflie with a full battery. */
 const BATTERY_S = 240;
 
 const main = /** @type {HTMLElement} */ (document.querySelector("main"));
@@ -34,19 +35,19 @@ const verdict = byId("verdict");
 const strip = replay(byId("replay"), stage.expose);
 
 /**
- * What is known of the newest wish.
+ * What is known about the newest request.
  * @typedef {object} Known
  * @property {Shot | null} shot
  * @property {Large | null} large
- * @property {boolean} alone whether there is no large one: the small one is judged
+ * @property {boolean} alone whether the large photograph failed, so that the small one is judged
  * @property {Said | null} error why there is no photograph
  * @property {Said | null} refused why it was not sent
- * @property {Said[]} stops why it is not safe to fly, as far as that is known
- * @property {DrawnSource | null} source what a file has
- * @property {string} of what of the wish that depends on
- * @property {boolean} busy whether many wait
- * @property {boolean} linked whether its link was given
- * @property {number} cut letters that did not fit
+ * @property {Said[]} stops checks that stop the flight, as far as they are known
+ * @property {DrawnSource | null} source strokes of the opened file
+ * @property {string} of parts of the request on which `source` depends
+ * @property {boolean} busy whether the server has too many requests
+ * @property {boolean} linked whether its link was shared or copied
+ * @property {number} cut number of letters that were removed because the word was too long
  */
 /** @type {Known} */
 const known = {
@@ -69,7 +70,7 @@ let asked = "",
 
 /* ---------- Photographs ---------- */
 
-/** The shape of the photograph that fills the stage. A selection from a file keeps it. */
+/** Returns the aspect (width / height) of a photograph that fills the stage. It stays the same while strokes of a file are selected. */
 function aspect() {
   if (state.aspect) return state.aspect;
   if (isDrawing()) return rounded(shape(state.sketch));
@@ -77,14 +78,14 @@ function aspect() {
     filled = rounded(area.clientWidth / Math.max(1, area.clientHeight));
   return filled;
 }
-// A few shapes, so that visitors at alike tablets share photographs.
+// Aspects are rounded, so that the same word on similar tablets yields the same photograph.
 const rounded = (/** @type {number} */ value) =>
   Math.min(2.5, Math.max(0.4, Math.round(20 * value) / 20));
 
-/** The shape of the photograph that is wished now. */
+/** Aspect of the photograph that is requested now. */
 let shapeNow = 1;
 
-/** Asks for the photograph of what is wished now, if that is another one. */
+/** Requests the photograph of the current word or drawing, if it differs from the last request. */
 async function wanted() {
   shapeNow = aspect();
   const wishes = isEmpty() ? null : wish(shapeNow);
@@ -110,7 +111,7 @@ async function wanted() {
   });
   if (!shot || mine !== current()) return;
   known.source = shot.source ?? shot.error?.values.source ?? known.source;
-  // A picture is flown in its own colors.
+  // A picture is flown in its own colors. The photograph is requested again when these are known.
   const inks = known.source?.strokes ?? [];
   const colored = inks.some(({ color }) => !["black", "gray", "white"].includes(color ?? "black"));
   if (state.opened && !state.opened.colored !== !colored)
@@ -127,19 +128,19 @@ async function wanted() {
   const sharp = area.clientWidth * devicePixelRatio > SHARP_PX;
   const isHome = !about.kiosk && about.home;
   if (isUnjudged()) resting = window.setTimeout(() => enlarge(isHome), JUDGED_MS);
-  // A server that makes photographs for others makes them small.
+  // A server that makes photographs for visitors makes only small ones without being asked.
   else if ((sharp && !about.slow) || isHome) resting = window.setTimeout(() => enlarge(isHome), REST_MS);
 }
 
-/** The log that was photographed: what is wrong later is the word. @type {string | undefined} */
+/** The log that was photographed. If a later request fails, the cause is the word. @type {string | undefined} */
 let seenLog;
-/** Loaded when something is amiss first. @type {typeof import("./amiss.js") | null} */
+/** Module that is loaded when it is first needed. @type {typeof import("./amiss.js") | null} */
 let amiss = null;
 const loadAmiss = async () => (amiss ??= (await Promise.all([import("./amiss.js"), speakAll().catch(() => {})]))[0]);
-/** True if it cannot be made. */
+/** True if the module cannot be loaded. */
 let lacksAmiss = false;
 
-/** Says why a word is not read. */
+/** Loads the reasons for an illegible word, and shows them. */
 async function putReason() {
   if (amiss || judged()?.legible !== false) return;
   await loadAmiss().catch(() => (lacksAmiss = true));
@@ -148,8 +149,8 @@ async function putReason() {
 }
 
 /**
- * What is read in the photograph that is kept; null until it is known. The small one alone never
- * says no, and says yes only of what the large one surely shows, too.
+ * Returns the verdict on the photograph that is kept, or null until it is known. The verdict on a small
+ * photograph counts only if the word is so clear that it is certainly also legible in the large one.
  * @returns {Judged | null}
  */
 function judged() {
@@ -159,7 +160,7 @@ function judged() {
   const isSure = small.readability >= SURE && (small.rival?.p ?? 0) <= SURE_RIVAL;
   return small.legible && isSure ? small : null;
 }
-/** Until the reason is there, nothing says that a word is not read. */
+/** Returns false while a word is illegible and its reasons are still being loaded. */
 const isReasoned = () => judged()?.legible !== false || amiss !== null || lacksAmiss;
 const isUnjudged = () => Boolean(known.shot?.verdict) && !judged();
 
@@ -176,14 +177,14 @@ async function shown(shot, strokes, wanted) {
   putMarks();
   putDesk();
   main.dataset.shown = `${shot.number}`;
-  // What flies is run from where it is.
+  // The replay of a flight in progress continues at its current time.
   if (state.mode === "sent") dispatchEvent(new Event("news"));
 }
 
-/** The large photograph that is being asked for. @type {{ of: unknown, answer: Promise<any> }} */
+/** The request for the large photograph. @type {{ of: unknown, answer: Promise<any> }} */
 let enlarging = { of: null, answer: Promise.resolve() };
 
-/** Asks for the large photograph of the same wish, once: a second request would end the first. */
+/** Requests the large photograph of the newest request once, because a second request would abort the first. */
 function enlarge(/** @type {boolean} */ advice) {
   const of = current();
   if (enlarging.of !== of)
@@ -241,10 +242,10 @@ function nothing() {
   putDesk();
 }
 
-/** Beside an error there is no photograph. @param {Said} error */
+/** Shows an error in place of a photograph. @param {Said} error */
 async function failed(error) {
   const mine = current();
-  // In the program's words where those of the page cannot be had.
+  // If the page's texts cannot be loaded, the program's English text is shown.
   await speakAll().catch(() => {});
   if (mine !== current()) return;
   known.error = error;
@@ -266,7 +267,7 @@ function putMarks() {
 
 /* ---------- The desk ---------- */
 
-/** The state that is seen. */
+/** Returns the state that the page shows. */
 function seenState() {
   if (state.mode !== "word") return state.mode;
   if (isChoosing()) return "choosing";
@@ -275,7 +276,7 @@ function seenState() {
 
 const isChoosing = () => state.mode === "word" && state.opened?.choosing === true;
 
-/** The reason why it cannot be sent, or "". */
+/** Returns the reason why the photograph cannot be sent, or "". */
 function hindrance() {
   if (!known.shot || known.error) return "nothing";
   if (isUnjudged() && !about.alone) return "unjudged";
@@ -306,7 +307,7 @@ function putDesk() {
   byId("opened").hidden = !state.opened;
   byId("opened-name").textContent = state.opened?.name ?? "";
   byId("lights").hidden = state.opened !== null;
-  // A link has no place for a file.
+  // A link cannot contain a file.
   byId("send").hidden = about.alone === true && state.opened !== null;
   byId("field").hidden = state.opened !== null && !isLog();
   word.placeholder = t(isLog() ? "place-log" : "place");
@@ -316,7 +317,7 @@ function putDesk() {
   if (isChoosing()) picture?.putPicture(known.source);
 }
 
-/** What is seen until the first photograph: the lamp traces the letters' outlines, one after another. */
+/** Shows, until the first photograph, a lamp that traces the letters' outlines one after another. */
 function putPlan() {
   const plan = byId("plan"),
     said = word.value.trim();
@@ -369,7 +370,7 @@ function spokenOnPad() {
 /* ---------- Sending ---------- */
 
 /**
- * Does something again until the connection is there.
+ * Repeats an action until it succeeds or is refused for good.
  * @template T
  * @param {() => Promise<T>} work
  * @returns {Promise<T>}
@@ -387,7 +388,7 @@ async function insist(work) {
 }
 
 async function send() {
-  // Who does not wait for the verdict sends it as it is.
+  // A visitor may send a photograph before its verdict is known.
   if (!["", "unjudged"].includes(hindrance()) || sending) return;
   if (about.alone) return share();
   sending = true;
@@ -419,7 +420,7 @@ async function send() {
   }
 }
 
-/** Gives the link that makes the photograph again: in the address, and to share or to paste. */
+/** Puts the photograph's link into the address, and shares it or copies it to the clipboard. */
 async function share() {
   const { putLink } = await import("./link.js");
   const url = putLink(shapeNow);
@@ -429,7 +430,7 @@ async function share() {
   putDesk();
 }
 
-/** Another one: the same visitor at an own device, another one at the kiosk. */
+/** Begins another photograph. At a kiosk, everything about the last visitor is forgotten. */
 function another() {
   history.replaceState(null, "", location.pathname + location.search);
   if (about.kiosk) {
@@ -449,7 +450,7 @@ function another() {
   word.focus({ preventScroll: true });
 }
 
-/* ---------- What is touched ---------- */
+/* ---------- Controls ---------- */
 
 word.oninput = () => {
   if (!about) return putPlan();
@@ -490,7 +491,7 @@ async function draws() {
   byId("pad").focus({ preventScroll: true });
 }
 
-/** The pad is loaded when it is opened first. @type {typeof import("./pad.js") | null} */
+/** Module of the pad, which is loaded when the pad is first opened. @type {typeof import("./pad.js") | null} */
 let pad = null;
 
 async function loadPad() {
@@ -513,7 +514,7 @@ byId("opened-close").onclick = () => {
   word.focus();
 };
 
-/** What is drawn of a file. @type {typeof import("./picture.js") | null} */
+/** Module for the strokes of a file, which is loaded when it is first needed. @type {typeof import("./picture.js") | null} */
 let picture = null;
 
 async function openPicture() {
@@ -530,7 +531,7 @@ language.onchange = async () => {
   change({ language: language.value });
 };
 
-/* ---------- The drawer, which a kiosk has not ---------- */
+/* ---------- The drawer, which a kiosk lacks ---------- */
 
 /** @type {typeof import("./drawer.js") | null} */
 let drawer = null;
@@ -545,7 +546,7 @@ async function openFile(/** @type {File | undefined} */ file) {
   const { MOST_LOG, opened } = await import("./files.js");
   const found = await opened(file);
   history.replaceState(null, "", ".");
-  // A log is that of the word in the field.
+  // The word in the field is the one that was flown in a log.
   const kept = found?.kind === "log" ? state.word : "";
   if (found) change({ mode: "word", word: kept, sketch: emptySketch(), painted: [], opened: found });
   else {
@@ -568,9 +569,9 @@ addEventListener("drop", (event) => {
   openFile(event.dataTransfer?.files[0]);
 });
 
-/* ---------- All together ---------- */
+/* ---------- Changes of the state ---------- */
 
-/** With another wish, nothing more is said of what was left out. */
+/** Parts of the state whose change ends the message about settings that were left out. */
 const WISHED = ["word", "sketch", "opened", "settings", "lamp", "room", "body"];
 
 watch((changed) => {
@@ -593,7 +594,7 @@ watch((changed) => {
   wanted();
 });
 
-/** What does not depend on the photograph. */
+/** Shows the texts that do not depend on the photograph. */
 function putSaid() {
   putBrand(about);
   byId("consent").textContent =
@@ -611,7 +612,7 @@ onLost((lost) => {
 let resizing = 0,
   screenSize = "";
 new ResizeObserver(() => {
-  // A longer sentence makes the stage lower, too, and asks for no other photograph.
+  // A longer sentence also makes the stage lower, but needs no other photograph.
   const now = `${innerWidth} ${innerHeight}`;
   if (now === screenSize) return;
   screenSize = now;
@@ -620,7 +621,7 @@ new ResizeObserver(() => {
     if (about && !isDrawing() && state.mode !== "pad") wanted();
   }, 300);
 }).observe(area);
-// The photograph does not overlap the desk.
+// The height of the desk is stored, so that the photograph does not overlap it.
 new ResizeObserver(() => area.style.setProperty("--desk", `${byId("desk").offsetHeight}px`)).observe(
   byId("desk"),
 );
@@ -656,7 +657,7 @@ async function begun() {
   else if (location.hash === "#pad") state.mode = "pad";
   if (state.mode === "pad") await loadPad().then(openPad);
   if (isChoosing()) await openPicture();
-  // What was typed while the page was loading.
+  // A word may have been typed while the page was loading.
   if (!state.word && state.mode === "word" && !state.opened) state.word = word.value;
   change({ language: state.language, color: state.color, mode: state.mode });
   if (about.kiosk)

@@ -1,4 +1,4 @@
-// The operator's page: one list in the order of flight, one large photograph, two answers.
+// The operator's page, with the list of entries in the order of flight, a large photograph, and its actions.
 
 import { follow, get, onLost, post, Refused } from "./ask.js";
 import { putBrand } from "./brand.js";
@@ -8,7 +8,7 @@ import { replay } from "./replay.js";
 import { refusal, save } from "./save.js";
 import { number, preferred, putWords, sentence, speakAll, t } from "./words.js";
 
-/** Tabs, and the states of an entry that are in each. @type {[string, State[]][]} */
+/** Tabs, each with the states of its entries. @type {[string, State[]][]} */
 const TABS = [
   ["waiting", ["waiting"]],
   ["approved", ["approved", "flying"]],
@@ -20,15 +20,15 @@ const TABS = [
 let queue = { revision: -1, paused: false, flying: null, entries: [], notes: [] };
 let tab = "waiting",
   chosen = "",
-  /** What the wall shows. */
+  /** Key of the sentence about what the wall shows. */
   rule = "wall-approved";
-/** What was answered, to be undone. @type {{ id: string, was: State, now: State }[]} */
+/** Actions that can be undone. @type {{ id: string, was: State, now: State }[]} */
 const answered = [];
-/** When the one in the air took off, as far as this page knows. */
+/** Take-off time of the entry in the air, in ms, as far as this page knows, or 0. */
 let tookOff = 0;
-/** The entry that is being answered here, whose change is no surprise. */
+/** Entry on which this page is acting, whose change is expected. */
 let own = "";
-/** Until when keys and buttons rest, since what they are for changed by itself. */
+/** Time in ms until which keys and buttons are ignored, because another operator changed the entry. */
 let held = 0;
 const HELD_MS = 700;
 
@@ -53,14 +53,14 @@ const inTab = (/** @type {string} */ name) =>
 const current = () => queue.entries.find(({ id }) => id === chosen);
 const title = (/** @type {ForOperator} */ entry) => entry.title ?? t("a-drawing");
 
-/** Another entry, or another state of it, that nobody asked for: what was meant for the old waits. */
+/** Ignores keys and buttons for a moment after an unexpected change, because they were meant for the previous entry. */
 function hold() {
   held = Date.now() + HELD_MS;
   byId("entry").classList.add("held");
   setTimeout(() => byId("entry").classList.toggle("held", Date.now() < held), HELD_MS);
 }
 
-/** Shows another entry in place of one that somebody else answered, or took back. */
+/** Shows another entry in place of one that another operator acted on, or that its visitor withdrew. */
 function choose(/** @type {string} */ id) {
   const gone = current();
   if (chosen && chosen !== own) hold();
@@ -68,7 +68,7 @@ function choose(/** @type {string} */ id) {
   chosen = id;
 }
 
-/* ---------- What is seen ---------- */
+/* ---------- Display ---------- */
 
 function put() {
   const list = inTab(tab);
@@ -152,7 +152,7 @@ function putList(list) {
   if (had) /** @type {HTMLElement | null} */ (box.querySelector("[aria-current]"))?.focus();
 }
 
-/** What an operator should look at. @param {ForOperator} entry */
+/** Returns a sentence about what the operator should check, or "". @param {ForOperator} entry */
 function note(entry) {
   if (entry.stops.length) return sentence("stops", entry.stops[0]);
   if (entry.obstacles.length) return sentence("obstacles", entry.obstacles[0]);
@@ -244,7 +244,7 @@ function action(word, key, look, act) {
   return button;
 }
 
-/** A button that moves the entry. @param {string} word @param {string} face @param {1 | -1} by */
+/** Returns a button that moves the entry in the order of flight. @param {string} word @param {string} face @param {1 | -1} by */
 function step(word, face, by) {
   const button = make("button", { type: "button", "aria-label": t(word), title: t(word) }, face);
   button.onclick = () => reorder(by);
@@ -328,7 +328,7 @@ function putAir() {
   tick();
 }
 
-/* ---------- What is answered ---------- */
+/* ---------- Actions ---------- */
 
 const BECOMES = /** @type {Record<string, State>} */ ({
   approve: "approved",
@@ -352,14 +352,14 @@ async function answer(what, entry = current()) {
     hold();
   }
   await load((list) => {
-    // The next one comes into its place.
+    // The next entry of the list takes its place.
     if (!list.some(({ id }) => id === entry.id))
       chosen = list[Math.min(Math.max(0, at), list.length - 1)]?.id ?? "";
   });
   if (own === entry.id) own = "";
 }
 
-/** Undoes the newest answer. */
+/** Undoes the last action. */
 async function undo() {
   const last = answered.pop();
   if (!last) return;
@@ -396,7 +396,7 @@ function tell(error) {
 }
 
 let told = 0;
-/** Says something for a while. @param {string} text */
+/** Shows a text for six seconds. @param {string} text */
 function toast(text) {
   const line = byId("toast");
   line.textContent = text;
@@ -430,7 +430,7 @@ byId("show-code").onclick = async () => {
   sheet(t("show-code"), note, cards, print);
 };
 
-/** A card to print: whose page it is, its code and its address. @param {string} of @param {any} told */
+/** Returns a card to print, with the name, the code and the address of a page. @param {string} of @param {any} told */
 function card(of, told) {
   const copy = make("button", { type: "button", className: "second" }, t("copy"));
   copy.onclick = async () => {
@@ -451,7 +451,7 @@ function card(of, told) {
   );
 }
 
-/** Fields for the hall's WLAN, whose code is then on each card. @param {HTMLElement} cards */
+/** Returns the fields for the hall's WLAN, whose code then appears on each card. @param {HTMLElement} cards */
 function wlan(cards) {
   const [name, password] = ["wlan-name", "wlan-password"].map((key) =>
     make("input", { type: "text", autocomplete: "off", spellcheck: false, placeholder: t(key), "aria-label": t(key) }),
@@ -564,9 +564,9 @@ addEventListener("keydown", (event) => {
   }
 });
 
-/* ---------- All together ---------- */
+/* ---------- Start ---------- */
 
-/** Looks what the queue is now. @param {(list: ForOperator[]) => void} [then] before it is shown */
+/** Loads and shows the queue. @param {(list: ForOperator[]) => void} [then] called before the queue is shown */
 async function load(then) {
   const told = await get("queue.json").catch(() => null);
   if (!told) return;

@@ -1,4 +1,4 @@
-// The pad is the photograph: one pointer draws, a tap is a dot, what is lifted turns to light.
+// The pad lies over the photograph. One pointer draws, a tap makes a dot, and a finished stroke is photographed.
 
 import { byId, draw, make } from "./dom.js";
 import { screen } from "./lights.js";
@@ -18,11 +18,11 @@ import { seen, shape } from "./sketch.js";
 import { change, state } from "./state.js";
 import { t } from "./words.js";
 
-/** Height of the page in its units. Its width follows the shape of the screen. */
+/** Height of the page in its units. Its width follows from the aspect of the screen. */
 const HIGH = 1000;
-/** A pointer that moves less than this many pixels made a dot. */
+/** Distance in pixels below which a pointer makes a dot. */
 const DOT_PX = 6;
-/** How far from a stroke a finger may touch it, in pixels. */
+/** Largest distance, in pixels, at which a finger touches a stroke. */
 const REACH_PX = 24;
 /** A step of the arrow keys, in units of the page. */
 const STEP = 25;
@@ -39,39 +39,39 @@ page.append(said);
 /** @typedef {"draw" | "rub" | "paint" | "move"} Tool */
 /** @type {Tool} */
 let tool = "draw";
-/** Ids of the strokes that the photograph on the stage has. @type {Set<number>} */
+/** Ids of the strokes that the photograph on the stage shows. @type {Set<number>} */
 let lit = new Set();
 /**
- * The pointer that draws. Others are palms.
+ * The pointer that draws. Further pointers are palms, and are ignored.
  * @typedef {object} Finger
  * @property {number} id
- * @property {DOMMatrix} at from the screen to the page, as it was when the finger came down
+ * @property {DOMMatrix} at transform from the screen to the page when the finger came down
  * @property {Stroke["points"]} points
  * @property {SVGPathElement} path
- * @property {number} x where it came down, in pixels
+ * @property {number} x position where it came down, in pixels
  * @property {number} y
  * @property {boolean} dot whether it has not moved yet
  */
 /** @type {Finger | null} */
 let finger = null;
 /**
- * What is being moved.
+ * State of a movement of the drawing.
  * @typedef {object} Grip
- * @property {Map<number, DOMPoint>} pointers one or two
+ * @property {Map<number, DOMPoint>} pointers positions of one or two pointers
  * @property {DOMMatrix} at
  * @property {DOMPoint | null} pinned the corner opposite to a handle
- * @property {{ center: DOMPoint, size: number }} from how it was held at first
+ * @property {{ center: DOMPoint, size: number }} from center and size at the beginning
  * @property {(x: number, y: number) => [number, number]} moves
  */
 /** @type {Grip | null} */
 let grip = null;
-/** The keyboard's pen. @type {{ x: number, y: number, points: Stroke["points"] | null }} */
+/** Pen that is moved by the keyboard. @type {{ x: number, y: number, points: Stroke["points"] | null }} */
 let pen = { x: 0, y: 0, points: null };
 
 const path = (/** @type {Stroke["points"]} */ points) =>
   `M${points.map(([x, y]) => `${x.toFixed(1)} ${y.toFixed(1)}`).join("L")}${points.length === 1 ? "l.01 0" : ""}`;
 
-/** Opens the pad: its page has the shape of what is there, unless something is drawn already. */
+/** Opens the pad. An empty page takes the aspect of its area on the screen. */
 export function openPad() {
   if (!seen(state.sketch).length) {
     const area = /** @type {HTMLElement} */ (page.parentElement);
@@ -103,7 +103,7 @@ function putShape() {
   );
 }
 
-/** Tells which strokes the photograph on the stage has: these are no longer drawn as lines. */
+/** Sets the strokes that the photograph on the stage shows, which are no longer drawn as lines. */
 export function putLit(/** @type {Stroke[]} */ strokes) {
   lit = new Set(strokes.map((stroke) => stroke.id));
   putInk();
@@ -138,7 +138,7 @@ function putInk() {
     byId(name).setAttribute("aria-pressed", `${tool === name}`);
 }
 
-/** The box around what is drawn, with a handle at each corner, while it can be moved. */
+/** Draws a box around the drawing, with a handle at each corner, while the drawing can be moved. */
 function putHandles() {
   const box = tool === "move" ? bounds(seen(state.sketch)) : null;
   frame.replaceChildren();
@@ -166,7 +166,7 @@ function putHandles() {
       "data-x": left + right - x,
       "data-y": top + bottom - y,
     });
-    // What the finger finds is larger than what the eye sees.
+    // The area that a finger can touch is larger than the visible handle.
     const target = draw("circle", {
       cx,
       cy,
@@ -180,7 +180,7 @@ function putHandles() {
 }
 
 /**
- * Where a pointer is on the page, by the place the page had when the finger came down.
+ * Returns a pointer's position on the page, by the transform when the finger came down.
  * @param {{ clientX: number, clientY: number }} event
  * @param {DOMMatrix} at
  */
@@ -197,7 +197,7 @@ pad.onpointerdown = (event) => {
   if (finger) return;
   const at = matrix(),
     { x, y } = place(event, at);
-  // The other end of a pen rubs out.
+  // The other end of a pen erases.
   const rubs = tool === "rub" || (event.pointerType === "pen" && (event.buttons & 32) > 0);
   pad.setPointerCapture(event.pointerId);
   finger = {
@@ -243,7 +243,7 @@ pad.onpointerup =
     };
 
 /**
- * Rubs out or paints the stroke under a pointer.
+ * Erases or paints the stroke under a pointer.
  * @param {PointerEvent} event
  * @param {boolean} rubs
  */
@@ -257,7 +257,7 @@ function touch(event, rubs) {
   });
 }
 
-/* Moving and resizing: one finger moves, a handle or two fingers resize. */
+/* Moving and resizing: one finger moves the drawing, and a handle or two fingers resize it. */
 
 /** @param {PointerEvent} event */
 function take(event) {
@@ -281,7 +281,7 @@ function take(event) {
 }
 
 /**
- * The middle of what holds the drawing, and how wide it is held.
+ * Returns the center of the points that hold the drawing, and their distance.
  * @param {NonNullable<typeof grip>} of
  */
 function held({ pointers, pinned }) {
@@ -316,7 +316,7 @@ function leave(event) {
   else grip = { ...grip, pinned: null, from: held(grip), moves: (x, y) => [x, y] };
 }
 
-/** Makes what was moved the drawing. */
+/** Applies the movement to the drawing. */
 function settle() {
   for (const layer of [ink, frame]) layer.removeAttribute("transform");
   pad.classList.remove("moving");
@@ -328,7 +328,7 @@ function settle() {
 }
 
 /**
- * Scales about a point and shifts, so that the drawing stays on the page and can be held.
+ * Returns a scaling about a point and a shift, limited so that the drawing stays on the page and is large enough to be held.
  * @param {number} wanted @param {[number, number]} about @param {[number, number]} by
  * @returns {(x: number, y: number) => [number, number]}
  */
@@ -369,7 +369,7 @@ function resize(/** @type {number} */ by) {
     });
 }
 
-/* The keyboard: arrows move the pen, Space puts it down and lifts it. */
+/* The keyboard: arrow keys move the pen, and Space puts it down and lifts it. */
 
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
@@ -421,7 +421,7 @@ function putPen() {
 pad.addEventListener("focus", putInk);
 pad.addEventListener("blur", putInk);
 
-// The cursor is seen while one works by keys.
+// The cursor is visible while the keyboard is used.
 let byKeys = false;
 addEventListener(
   "keydown",

@@ -1,5 +1,5 @@
-// What is drawn of an opened file: the picture with the corners of its paper, and all strokes where
-// it has them. A stroke or a color that is touched is left out, or comes back.
+// Selection of strokes from an opened file. The picture is shown with the corners of its paper and
+// with its strokes. Touching a stroke or a color leaves it out or adds it again.
 
 import { byId, draw, make } from "./dom.js";
 import { touched } from "./edit.js";
@@ -7,11 +7,11 @@ import { screen } from "./lights.js";
 import { change, state } from "./state.js";
 import { t } from "./words.js";
 
-/** How far from a stroke a finger may touch it, in pixels. */
+/** Largest distance, in pixels, at which a finger touches a stroke. */
 const REACH_PX = 24;
-/** Colors of strokes that no lamp of the page has. */
+/** Screen colors of strokes for which the page offers no lamp color. */
 const INKS = { purple: "#b98cff", pink: "#ff8ac4" };
-/** Where the corners begin that are set by hand, by the picture's sides. */
+/** Distance of corners that are set by hand from the picture's edges at first, as a fraction of its sides. */
 const INSET = 0.1;
 
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
@@ -29,9 +29,9 @@ view.append(make("div", { className: "hold" }, box), note, set, inks);
 
 /** @type {DrawnSource | null} */
 let source = null;
-/** Its strokes, as they are touched. @type {Stroke[]} */
+/** Strokes of the file. @type {Stroke[]} */
 let strokes = [];
-/** Corners that are being dragged, and where the pointer took one. @type {Corners | null} */
+/** Corners while one of them is being dragged. @type {Corners | null} */
 let dragged = null;
 /** @type {{ x: number, y: number, corner: [number, number] } | null} */
 let grip = null;
@@ -39,7 +39,7 @@ let grip = null;
 const opened = () => /** @type {Opened} */ (state.opened);
 const out = () => opened().out ?? [];
 const corners = () => dragged ?? opened().corners ?? source?.corners ?? null;
-/** Width and height of what is shown. */
+/** Returns the width and the height of the picture, or of the drawing with a margin. */
 function size() {
   const far = (/** @type {number} */ axis) =>
     1.05 *
@@ -47,7 +47,7 @@ function size() {
   return opened().size ?? [far(0) || 16, far(1) || 9];
 }
 
-/** Shows what is chosen of an opened file. */
+/** Shows the strokes of an opened file, and which of them are selected. */
 export function putPicture(/** @type {DrawnSource | null} */ found) {
   if (found !== source || !svg.childElementCount) putStrokes(found);
   const [width, height] = size();
@@ -98,11 +98,11 @@ function putStrokes(/** @type {DrawnSource | null} */ found) {
   );
 }
 
-/** Numbers of the strokes of a color. */
+/** Returns the numbers of the strokes of a color. */
 const of = (/** @type {string} */ name) =>
   strokes.filter(({ color }) => color === name).map(({ id }) => id);
 
-/** The handles, and the table around the paper in the dark. */
+/** Shows the handles, and darkens the picture outside the paper. */
 function putCorners() {
   const [[width, height], now] = [size(), corners()];
   const path = now && `M${now.map(([x, y]) => `${x} ${y}`).join("L")}Z`;
@@ -116,7 +116,7 @@ function putCorners() {
   });
 }
 
-/** Which colors are drawn, and the way to corners set by hand and back. */
+/** Shows which colors are selected, and the button that switches between corners set by hand and detected ones. */
 function putInks() {
   for (const button of inks.querySelectorAll("[data-ink]")) {
     const name = button.getAttribute("data-ink") ?? "";
@@ -129,7 +129,7 @@ function putInks() {
   const { corners: own, size: sides } = opened();
   set.textContent = t(own ? "corners-find" : "corners-set");
   set.hidden = !sides;
-  // Its place is kept: the picture does not move while its corners are dragged.
+  // The button keeps its place, so that the picture does not move while its corners are dragged.
   set.classList.toggle("idle", !own && corners() !== null);
 }
 set.onclick = () => {
@@ -144,7 +144,7 @@ function whole([width, height]) {
   return [[left, top], [right, top], [right, bottom], [left, bottom]]; // prettier-ignore
 }
 
-/** Leaves some strokes out and takes others back. @param {number[]} leave @param {number[]} take */
+/** Leaves some strokes out, and adds others again. @param {number[]} leave @param {number[]} take */
 function put(leave, take) {
   const kept = out().filter((id) => !take.includes(id));
   change({
@@ -153,7 +153,7 @@ function put(leave, take) {
 }
 const toggle = (/** @type {number} */ id) => put(out().includes(id) ? [] : [id], [id]);
 
-/** With other corners there are other strokes. */
+/** Sets the corners. The selection is cleared, because other corners yield other strokes. */
 const putOwn = (/** @type {Corners | null} */ own) =>
   change({ opened: { ...opened(), corners: own ?? undefined, out: [] } });
 
@@ -161,7 +161,7 @@ svg.onclick = (event) => {
   const { target, detail, clientX, clientY } = event;
   const at = /** @type {SVGSVGElement} */ (svg).getScreenCTM()?.inverse() ?? new DOMMatrix();
   const { x, y } = new DOMPoint(clientX, clientY).matrixTransform(at);
-  // A click without a pointer is at nothing but its stroke.
+  // A click by the keyboard has no position and selects the focused stroke.
   const id = detail ? 0 : Number(/** @type {Element} */ (target).getAttribute("data-n"));
   const stroke = id || touched(strokes, x, y, REACH_PX * at.a)?.id;
   if (stroke) toggle(stroke);
@@ -179,14 +179,14 @@ svg.onkeydown = (event) => {
   next.focus();
 };
 
-/** True if four corners go clockwise around an area. */
+/** Returns true if four corners form a convex quadrilateral in clockwise order. */
 const isConvex = (/** @type {Corners} */ of) =>
   of.every(([x, y], k) => {
     const [[ax, ay], [bx, by]] = [of[(k + 1) % 4], of[(k + 2) % 4]];
     return (ax - x) * (by - ay) - (ay - y) * (bx - ax) > 1;
   });
 
-/** Moves a corner within the picture, if a sheet can have it there. */
+/** Moves a corner within the picture, if the four corners still form a sheet. */
 function moved(/** @type {number} */ k, /** @type {number} */ x, /** @type {number} */ y) {
   const [width, height] = size();
   const inside = (/** @type {number} */ value, /** @type {number} */ most) =>
@@ -196,7 +196,7 @@ function moved(/** @type {number} */ k, /** @type {number} */ x, /** @type {numb
   if (isConvex(/** @type {Corners} */ (now))) dragged = /** @type {Corners} */ (now);
 }
 
-/** What was moved is the paper. */
+/** Makes the dragged corners those of the paper. */
 function settle() {
   const own = dragged;
   [dragged, grip] = [null, null];

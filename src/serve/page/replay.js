@@ -1,5 +1,5 @@
-// The strip below the photograph: each bar a stroke of the flight, each gap a flight in the dark,
-// to scale. Its slider is the exposure.
+// The strip below the photograph, a time scale on which each bar is a lit stroke and each gap a dark
+// transit. Its slider sets the fraction of the exposure.
 
 import { icon, make } from "./dom.js";
 import { t } from "./words.js";
@@ -7,7 +7,7 @@ import { t } from "./words.js";
 const PLAYED_MS = 6000;
 const still = matchMedia("(prefers-reduced-motion: reduce)");
 
-/** Where the lamp begins and ends, in 1/100 s. @param {LightMap} replay */
+/** Returns the time of the first light, and the time from there to the last, in 1/100 s. @param {LightMap} replay */
 export function span({ strokes }) {
   const begin = strokes.reduce((least, { at }) => Math.min(least, at[0]), Infinity);
   const end = strokes.reduce((most, { at }) => Math.max(most, at[at.length - 3]), 0);
@@ -15,7 +15,7 @@ export function span({ strokes }) {
 }
 
 /**
- * Builds the strip into an element.
+ * Builds the strip in an element.
  * @param {HTMLElement} box
  * @param {(fraction: number) => void} expose shows a fraction of the exposure
  */
@@ -63,7 +63,7 @@ export function replay(box, expose) {
     film = 0;
     pressed(false);
   }
-  /** Plays the exposure, from its beginning where it is at its end. @param {number} [first] fraction that is exposed */
+  /** Plays the exposure within `length` ms, from its beginning if it is at its end. @param {number} [first] initial fraction */
   function run(length = PLAYED_MS, first = share >= 1 ? 0 : share) {
     stop();
     if (still.matches) return put(1);
@@ -91,7 +91,7 @@ export function replay(box, expose) {
       pressed(film > 0);
       put(share);
     },
-    /** A new photograph: whole, unless it is one more of the same. */
+    /** Shows the strokes of a new photograph and its whole exposure. If it is a sharper photograph of the same flight, the fraction is kept. */
     load(/** @type {LightMap} */ map, /** @type {number} */ flight_s, isSame = false) {
       if (!isSame) stop();
       seconds = flight_s;

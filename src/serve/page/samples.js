@@ -1,5 +1,5 @@
-// An evening without photographs shows what comes: a name, a house and a heart in color, photographed
-// as a visitor's and written one after another.
+// Samples for an evening without photographs: a name, a house and a heart in color, which are
+// photographed like those of visitors and written one after another.
 
 import { post, sleep } from "./ask.js";
 import { make } from "./dom.js";
@@ -8,12 +8,12 @@ import { loop } from "./loop.js";
 import { fresh } from "./state.js";
 import { DECKS } from "./wish.js";
 
-/** Times for which each is written and shown, and after which one that could not be made is asked for anew. */
+/** Times in which a sample is written and for which it is shown, and time after which a failed request is repeated. */
 const WRITTEN_MS = 9_000,
   STANDS_MS = 5_000,
   AGAIN_MS = 10_000;
 
-/** A line of one color on a square of 100 units. */
+/** Returns a drawing of a line in one color on a square of 100 units. */
 const drawing = (/** @type {string} */ color, /** @type {string} */ line) => ({
   drawing: {
     kind: "svg",
@@ -23,7 +23,7 @@ const drawing = (/** @type {string} */ color, /** @type {string} */ line) => ({
 const HOUSE = drawing("black", "M8 50L50 12 92 50M20 40V90H80V40M42 90V62H58V90");
 const HEART = drawing("red", "M50 88C8 56 6 20 30 18 42 17 50 28 50 38 50 28 58 17 70 18 94 20 92 56 50 88Z");
 
-/** What is asked for. @param {string} deck that of the scene's drone */
+/** Returns the requests for the samples. @param {string} deck that of the scene's drone */
 function wishes(deck) {
   const lamp = deck === DECKS.ring ? "ring" : "color-led";
   const canvas = { "letters.canvas_m": "[3,1]" };
@@ -34,11 +34,11 @@ function wishes(deck) {
   ];
 }
 
-/** Those that were made. @type {(Shot | null)[]} */
+/** Photographs of the samples, or null for one that could not be made. @type {(Shot | null)[]} */
 const shots = [];
 
 /**
- * Writes the photographs into an element as long as they are wanted.
+ * Shows the samples in an element as long as `isWanted` returns true.
  * @param {Element} box @param {string} deck @param {() => boolean} isWanted
  */
 export async function putSamples(box, deck, isWanted) {

@@ -1,17 +1,17 @@
-// Downloads that may be refused: a refusal is a sentence, no file.
+// Downloads. A refused download yields a sentence instead of a file.
 
 import { post, Refused, request } from "./ask.js";
 import { make } from "./dom.js";
 import { sentence } from "./words.js";
 
-/** Why something was refused. @param {Said} said */
+/** Returns the sentences about a refusal. @param {Said} said */
 export const refusal = (said) =>
   [
     sentence("errors", said),
     ...(said.values?.stops ?? []).map((/** @type {Said} */ stop) => sentence("stops", stop)),
   ].join(" ");
 
-/** Saves what a route gives. @param {string} route @param {string} name */
+/** Saves the file at a route. @param {string} route @param {string} name */
 export async function save(route, name) {
   const response = await request(route);
   if (!response.ok)
@@ -23,7 +23,7 @@ export async function save(route, name) {
 }
 
 /**
- * Saves a file of a large photograph, which is made now. A scene comes with the drawing that it names.
+ * Makes and saves a file of a large photograph. With a scene, the drawing that it names is also saved.
  * @param {Large} large @param {string} name
  */
 export async function saveOf(large, name) {

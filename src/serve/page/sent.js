@@ -1,4 +1,4 @@
-// After it was sent: what becomes of it, and how to take it home.
+// The state of an entry after it was sent, and the ways to take its photograph home.
 
 import { get, post, Refused } from "./ask.js";
 import { make } from "./dom.js";
@@ -7,7 +7,7 @@ import { become } from "./state-of.js";
 import { t } from "./words.js";
 import { about } from "./wish.js";
 
-/** The page of an entry, on the host that this page came from. */
+/** Returns the address of an entry's page, on the host of this page. */
 export const entryPage = (/** @type {string} */ id) => new URL(`/e/${id}/`, location.href).href;
 
 /** @typedef {ReturnType<typeof import("./replay.js").replay>} Strip */
@@ -18,7 +18,7 @@ export function showSent(box, another, strip) {
   if (!sent) return;
   const about_it = make("p", { role: "status" }),
     clock = make("p", { role: "timer" });
-  // An image is asked for as soon as it has an address.
+  // The image is created only when it is needed, because it is loaded as soon as it has an address.
   const code = () => make("img", {
     src: `entries/${sent.id}/qr.svg`,
     alt: t("code"),
@@ -31,7 +31,7 @@ export function showSent(box, another, strip) {
     : make("p", { className: "home" }, t("no-phone"));
   const again = make("button", { type: "button", className: "second" }, t("another"));
   again.onclick = another;
-  // A kiosk leads nowhere: the phone takes it home.
+  // A kiosk has no links. The visitor's phone opens the page by the code.
   const keep = make(
     "a",
     { className: "button first own", href: entryPage(sent.id), target: "_blank", rel: "noopener" },
@@ -39,7 +39,7 @@ export function showSent(box, another, strip) {
   );
   const back = make("button", { type: "button", hidden: true }, t("take-back"));
   back.onclick = async () => {
-    // Its own news is none.
+    // The change that this request causes must not be shown.
     shown = "";
     const refused = await post(`entries/${sent.id}`, {
       do: "withdraw",
@@ -66,7 +66,7 @@ export function showSent(box, another, strip) {
 let shown = "";
 
 /**
- * Tells what becomes of an entry, now and with all news.
+ * Shows the state of an entry, now and after each change.
  * @param {string} id
  * @param {(entry: ForVisitor | null) => void} put
  * @param {HTMLElement} line
@@ -78,7 +78,7 @@ async function follow(id, put, line) {
     const entry = await get(`entries/${id}`).catch((error) => error);
     if (shown !== id) return;
     if (entry instanceof Refused) line.textContent = t("entry-gone-why");
-    // A lost connection is said elsewhere.
+    // A lost connection is reported elsewhere.
     if (entry instanceof Error) return;
     put(entry);
   };

@@ -1,36 +1,36 @@
-// A drawing and its history: plain data, so that it can be kept, undone and tested.
+// A drawing and its history as plain data, so that it can be stored, undone and tested.
 //
-// Strokes never change: a stroke that is moved or painted is a new one. A state of the drawing is
-// the list of its strokes' ids, and the history a list of such states.
+// Strokes never change. Moving or painting a stroke creates a new one. A state of the drawing is the
+// list of its strokes' ids, and the history is a list of such states.
 
 /**
  * @typedef {object} Sketch
- * @property {[number, number]} page width and height that the points are in
+ * @property {[number, number]} page width and height of the page in the units of the points
  * @property {Stroke[]} strokes all strokes of the history
- * @property {number[][]} states ids of what was seen, oldest first
- * @property {number} now index of the state that is seen
+ * @property {number[][]} states ids of the visible strokes in each state, oldest first
+ * @property {number} now index of the current state
  */
 
-/** Most points of a drawing: one that is longer does not fit into a request. */
+/** Maximum number of points in a drawing. More do not fit into a request. */
 const MOST_POINTS = 9000;
 
 /** @returns {Sketch} */
 export const emptySketch = () => ({ page: [0, 0], strokes: [], states: [[]], now: 0 });
 
-/** The page's shape, width / height. */
+/** Returns the aspect (width / height) of the page. */
 export const shape = (/** @type {Sketch} */ { page: [width, height] }) => width / height || 16 / 9;
 
-/** The strokes that are seen, in their order. @returns {Stroke[]} */
+/** Returns the visible strokes in their order. @returns {Stroke[]} */
 export function seen(/** @type {Sketch} */ sketch) {
   const known = new Map(sketch.strokes.map((stroke) => [stroke.id, stroke]));
   return sketch.states[sketch.now].flatMap((id) => known.get(id) ?? []);
 }
 
 /**
- * The drawing as the program reads it: points within the page, in the order of time, and no more
- * of them than fit.
+ * Returns the drawing in the program's JSON format, with points inside the page, in the order of time.
+ * A drawing with too many points is thinned out.
  * @param {Sketch} sketch
- * @param {((color: string) => number[]) | null} rgb color of a stroke as the lamp has it
+ * @param {((color: string) => number[]) | null} rgb returns the lamp's color for a stroke's color
  */
 export function written(sketch, rgb) {
   const [width, height] = sketch.page;
@@ -42,7 +42,7 @@ export function written(sketch, rgb) {
   let late = 0;
   const lines = strokes.map(({ points }) => {
     const kept = points.filter((_, i) => i % every === 0 || i === points.length - 1);
-    // Each stroke begins where the one before it ended: what was drawn first may have been moved.
+    // Each stroke begins 0.3 s after the previous one ended, because moving strokes may have changed their order.
     const begin = late - kept[0][2] + 0.3;
     return kept.map(([x, y, t]) => {
       late = Math.max(late, t + begin);

@@ -1,5 +1,5 @@
-// The photograph, full bleed: it stays, dimmed, until the next one is there; beside an error there
-// is none. Its letters can be touched: each touch gives the next color.
+// The photograph, which fills the stage. It stays, dimmed, until the next one is loaded. Each touch of
+// a letter gives the letter the next color.
 
 import { byId, make } from "./dom.js";
 import { offered } from "./lights.js";
@@ -18,7 +18,7 @@ let show = null;
 let map = null;
 let wanted = 1;
 
-/** Shows a fraction of the exposure, at 1 the photograph. */
+/** Shows a fraction of the exposure. At 1, the photograph itself is shown. */
 export function expose(/** @type {number} */ share) {
   const whole = share >= 1 || !map;
   light.hidden = whole;
@@ -26,7 +26,7 @@ export function expose(/** @type {number} */ share) {
   wanted = share;
   if (whole || !map) return;
   if (show) return show(share);
-  // Loaded when the first exposure is asked for.
+  // The module is loaded when the first exposure is shown.
   const asked = map;
   import("./exposure.js").then(({ exposure }) => {
     if (map !== asked) return;
@@ -36,7 +36,7 @@ export function expose(/** @type {number} */ share) {
 }
 
 /**
- * Shows a photograph once it is decoded. Returns whether it is still wanted then.
+ * Decodes and shows a photograph. Returns false, and shows nothing, if it is outdated by then.
  * @param {string} src @param {string} alt @param {LightMap} replay @param {number} aspect
  * @param {() => boolean} wanted
  */
@@ -45,7 +45,7 @@ export async function hang(src, alt, replay, aspect, wanted) {
   next.src = src;
   await next.decode();
   if (!wanted()) return false;
-  // What is decoded takes the place of what hung: nothing is decoded twice.
+  // The decoded image replaces the previous one, so that no image is decoded twice.
   Object.assign(next, { id: "photo", alt });
   photo.replaceWith(next);
   photo = next;
@@ -62,14 +62,14 @@ export async function hang(src, alt, replay, aspect, wanted) {
   return true;
 }
 
-/** Least and greatest height of the lamp, as fractions of the photograph's height. @param {LightMap} replay */
+/** Returns the highest and the lowest position of the lamp, as fractions of the photograph's height from its top. @param {LightMap} replay */
 function extent({ strokes }) {
   const heights = strokes.flatMap(({ at }) => at.filter((_, i) => i % 3 === 2));
   const [top, bottom] = heights.reduce(([a, b], y) => [Math.min(a, y), Math.max(b, y)], [1e4, 0]);
   return top < bottom ? { top: top / 1e4, bottom: bottom / 1e4 } : { top: 0.25, bottom: 0.75 };
 }
 
-/** Removes the photograph: there is nothing to see, or it is out of date. */
+/** Removes the photograph. */
 export function clear() {
   frame.hidden = true;
   photo.removeAttribute("src");
@@ -81,9 +81,9 @@ export function clear() {
 export const dim = (/** @type {boolean} */ waits) => frame.classList.toggle("waits", waits);
 
 /**
- * The letters' places on the photograph, and what is wrong with those that do not read.
+ * Shows the letters' boxes on the photograph, and what is wrong with illegible letters.
  * @param {Shot["boxes"] | undefined} boxes @param {LetterVerdict[]} read
- * @param {{ i: number, best: string } | null} alike the letter that could be another one
+ * @param {{ i: number, best: string } | null} alike the letter that is most easily taken for another one
  */
 export function mark(boxes, read, alike) {
   const written = boxes?.length ? letters() : [];
@@ -127,7 +127,7 @@ export function mark(boxes, read, alike) {
   if (focused >= 0) marks.querySelectorAll("button")[focused]?.focus();
 }
 
-/** Gives a letter the next color. */
+/** Gives the next color to a letter. */
 function next(/** @type {number} */ i) {
   const names = offered();
   const color = names[(names.indexOf(colorOf(i)) + 1) % names.length];

@@ -1,4 +1,4 @@
-// The kiosk's start screen, and the way back to it when nobody is there.
+// The kiosk's start screen, and the return to it when nobody uses the page.
 
 import { get } from "./ask.js";
 import { byId, make, style } from "./dom.js";
@@ -20,7 +20,7 @@ const start = byId("start"),
   main = /** @type {HTMLElement} */ (document.querySelector("main"));
 let idle = 0;
 
-/** Begins as a kiosk: at the start screen, unless somebody is in the middle of something. */
+/** Starts the kiosk with the start screen, unless a visitor's work was restored. */
 export async function startKiosk() {
   home = preferred("");
   await speakAll();
@@ -43,8 +43,9 @@ export async function startKiosk() {
 }
 
 /**
- * Whether a key prints, saves, reloads, enlarges, leaves: all but the editing of a text. What the
- * browser keeps for itself (a new window) is for its own kiosk mode, see docs/how-to/tablet.md.
+ * Returns true for a key that prints, saves, reloads, zooms or leaves the page, but not for one that
+ * edits text. Keys that the browser reserves (a new window) are blocked by its own kiosk mode, see
+ * docs/how-to/tablet.md.
  * @param {KeyboardEvent} event
  */
 const leadsOut = ({ key, altKey, ctrlKey, metaKey }) =>
@@ -52,11 +53,11 @@ const leadsOut = ({ key, altKey, ctrlKey, metaKey }) =>
   (altKey && /^(Arrow|Home)/.test(key)) ||
   ((ctrlKey || metaKey) && !/^([acvxyz]|Arrow.*|Home|End|Backspace|Delete)$/i.test(key));
 
-/** Somebody is there: who draws, too, but no mouse that trembles. @param {Event} [event] */
+/** Notes that somebody uses the page. The movement of a mouse without a pressed button does not count. @param {Event} [event] */
 function touched(event) {
   if (event instanceof PointerEvent && event.type === "pointermove" && !event.buttons) return;
   idle = 0;
-  // What asks stays until its button is pressed, or something else is touched.
+  // The question stays until its button is pressed, or something else is touched.
   if (!(event?.target instanceof Node && byId("still").contains(event.target)))
     byId("still").hidden = true;
 }
@@ -69,7 +70,7 @@ setInterval(() => {
   if (left <= SAID_S && !isEmpty()) putStill(left);
 }, 1000);
 
-/** Says that it will begin anew. @param {number} left seconds */
+/** Asks whether somebody is still there, before the page is reset. @param {number} left seconds */
 function putStill(left) {
   const box = byId("still");
   if (box.hidden) {
@@ -81,13 +82,13 @@ function putStill(left) {
   byId("still-text").textContent = t("still-there", { n: left });
 }
 
-/** Forgets the visitor and shows the start. */
+/** Forgets the visitor, and shows the start screen. */
 function over() {
   byId("still").hidden = true;
   history.replaceState(null, "", location.pathname + location.search);
   unzoom();
   forget();
-  // The next visitor begins in the language of the tablet.
+  // The next visitor begins with the language of the tablet.
   /** @type {HTMLSelectElement} */ (byId("language")).value = home;
   speak(home).then(() => {
     change({ language: "" });
@@ -95,7 +96,7 @@ function over() {
   });
 }
 
-/** A page that somebody enlarged, where the browser lets one, is as before. */
+/** Resets the zoom of the page, if the browser allows it. */
 function unzoom() {
   const view = /** @type {HTMLMetaElement} */ (document.querySelector("meta[name=viewport]"));
   const { content } = view;
@@ -104,7 +105,7 @@ function unzoom() {
     view.content = content;
   }, 100);
 }
-/** The hall's own language: that of the tablet. */
+/** Language of the tablet. */
 let home = "en";
 
 export async function showStart() {
@@ -152,11 +153,11 @@ export async function showStart() {
   await putEvening();
 }
 
-/** Colors that visitors of a kiosk begin with in turn: a wall of white words is gray. */
+/** Colors with which visitors of a kiosk begin in turn, so that the wall is colorful. */
 const TURN = ["orange", "green", "red", "white"];
 let turn = 0;
 
-/** Another visitor begins with another color, where the scene's drone has a lamp for it. */
+/** Selects another color for the next visitor, if the scene's drone has a color lamp. */
 function nextColor() {
   if (isEmpty() && about.deck !== "none") change({ color: TURN[turn++ % TURN.length] });
 }
@@ -170,7 +171,7 @@ function leave() {
   byId("word").focus({ preventScroll: true });
 }
 
-/** Photographs of this evening: the newest is large and written again and again, others are below. */
+/** Shows photographs of this evening. The newest is large and written repeatedly, and the others are below it. */
 async function putEvening() {
   const wall = /** @type {{ photos: { key: string, title: string | null }[] } | null} */ (
     await get("wall").catch(() => null)

@@ -1,14 +1,14 @@
-// What becomes of an entry, as a visitor reads it, and what its phone does meanwhile.
+// The state of an entry as its visitor reads it, with a countdown to take-off.
 
 import { t } from "./words.js";
 
 let timer = 0,
-  /** The entry that flies, as far as this page knows. */
+  /** Id of the entry in the air, as far as this page knows, or "". */
   flying = "";
 
 /**
- * Says what becomes of an entry. Until its flight the time is counted down, and while it flies the
- * strip runs as the lamp does.
+ * Shows the state of an entry. Before its flight, the time to take-off is counted down. During the
+ * flight, the replay runs in real time, and a phone vibrates at the start.
  * @param {ForVisitor | null} entry @param {HTMLElement} line @param {HTMLElement} clock
  * @param {ReturnType<typeof import("./replay.js").replay>} strip
  */
@@ -30,7 +30,7 @@ export function become(entry, line, clock, strip) {
   flying = entry?.state === "flying" ? entry.id : "";
   if (!flying || !entry) return;
   if (was !== flying) navigator.vibrate?.(300);
-  // After a restart the server does not know when it took off.
+  // After a restart, the server does not know the take-off time.
   if (was !== flying || entry.flown_s !== null)
     strip.run(1000 * entry.flight_s, Math.min(1, (entry.flown_s ?? 0) / entry.flight_s));
 }

@@ -1,12 +1,12 @@
-// What a visitor has made and chosen: the only place that holds it. It outlives a reload.
+// The state of the page: a visitor's word, drawing and choices. It survives a reload.
 
 import { emptySketch } from "./sketch.js";
 
 const KEY = "noctograph";
 
-/** A visitor who has made nothing yet. */
+/** Returns the state of a new visitor. */
 export const fresh = () => ({
-  /** Random name of this visitor, and the number of the newest wish. */
+  /** Random name of this visitor, followed by the number of the newest request. */
   visitor: Array.from(crypto.getRandomValues(new Uint32Array(4)), (part) =>
     part.toString(16).padStart(8, "0"),
   ).join(""),
@@ -26,7 +26,7 @@ export const fresh = () => ({
   body: "",
   pace: "written",
   seed: 0,
-  /** Width / height of a photograph in a link. 0 is that of the screen. */
+  /** Aspect (width / height) of a photograph in a link, or 0 for that of the screen. */
   aspect: 0,
   /** @type {Record<string, string>} settings that differ from the scene's */
   settings: {},
@@ -42,7 +42,7 @@ const isOf = (/** @type {string} */ names) => (/** @type {any} */ value) =>
   names.split(" ").includes(value);
 const isText = (/** @type {unknown} */ value) => typeof value === "string";
 const isColor = isOf("white red orange yellow green cyan blue magenta");
-/** What parts may be, beside the type that they have when they are fresh. @type {Record<string, (value: any) => boolean>} */
+/** Checks of the parts' values, in addition to their types. @type {Record<string, (value: any) => boolean>} */
 const KNOWN = {
   visitor: (value) => /^\w{1,40}$/.test(value),
   number: Number.isSafeInteger,
@@ -63,8 +63,8 @@ const KNOWN = {
 };
 
 /**
- * Takes parts that were kept, or that a link has. What another version wrote and this one does not
- * know is left out. Returns whether something was.
+ * Applies parts of a stored state or of a link. Parts that this version does not know, such as those
+ * of another version, are left out. Returns true if any part was left out.
  * @param {State} state @param {Record<string, any>} parts
  */
 export function take(state, parts) {
@@ -84,10 +84,10 @@ export function take(state, parts) {
   return left;
 }
 
-/** True for a number that a drawing may have. @param {any} value */
+/** Returns true for a coordinate or time that a drawing may contain. @param {any} value */
 const isNumber = (value) => Number.isFinite(value) && Math.abs(value) < 1e6;
 
-/** True if a drawing can be drawn. @param {any} value */
+/** Returns true if a value is a valid drawing. @param {any} value */
 function isSketch({ page, strokes, states, now }) {
   const isPoint = (/** @type {unknown} */ point) =>
     Array.isArray(point) && point.length === 3 && point.every(isNumber);
@@ -97,8 +97,8 @@ function isSketch({ page, strokes, states, now }) {
 }
 
 /**
- * Settings and a room that were not chosen on this page: those of a link, or kept from before. `key`
- * is the word that says that some were left out, and `left` is this key as long as it is said.
+ * Settings and room that come from a link or from a stored state. `key` is the key of the message that
+ * some were left out, and `left` is this key while the message is shown.
  * @type {{ settings: Record<string, string>, room: string, key: string, left: string }}
  */
 export const origin = { settings: {}, room: "", key: "left-out-kept", left: "" };
@@ -112,7 +112,7 @@ function restored() {
   } catch {
     origin.left = origin.key;
   }
-  // Where nothing was sent, there is nothing to follow.
+  // Without an entry, the state of its flight cannot be shown.
   if (state.mode === "sent" && !state.sent) state.mode = "word";
   Object.assign(origin, { settings: state.settings, room: state.room });
   return state;
@@ -123,12 +123,12 @@ export const state = restored();
 /** @type {((changed: Set<string>) => void)[]} */
 const watchers = [];
 
-/** Calls back with the names of what changed. */
+/** Adds a function that is called with the names of the changed parts. */
 export function watch(/** @type {(changed: Set<string>) => void} */ tell) {
   watchers.push(tell);
 }
 
-/** Changes the state, keeps it and tells all who watch. */
+/** Changes the state, stores it, and calls the functions that watch it. */
 export function change(/** @type {Partial<State>} */ parts) {
   Object.assign(state, parts);
   keep();
@@ -140,7 +140,7 @@ export function keep() {
   try {
     sessionStorage.setItem(KEY, JSON.stringify(state));
   } catch {
-    // Full (a large file was opened) or forbidden: the page works without.
+    // The storage may be full, because a large file was opened, or forbidden. The page works without it.
     try {
       sessionStorage.setItem(KEY, JSON.stringify({ ...state, opened: null }));
     } catch {
@@ -149,7 +149,7 @@ export function keep() {
   }
 }
 
-/** A new visitor: everything is forgotten but the language, if one is given. */
+/** Resets the state for a new visitor. Only the language is kept, if one is given. */
 export function forget(language = "") {
   change({ ...fresh(), language });
 }

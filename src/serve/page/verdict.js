@@ -1,26 +1,26 @@
-// The verdict, as a sentence or two.
+// The sentences about a photograph, an error or a drawing's length.
 
 import { byId, make } from "./dom.js";
 import { about, isLog } from "./wish.js";
 import { hasWord, sentence, t } from "./words.js";
 
 /**
- * What is said; `why` opens the program's own words.
+ * One or two sentences. If `why` is true, a button opens the program's own message.
  * @typedef {{ first: string, then?: string, why?: boolean }} Spoken
  */
 
-/** Problems that leave nothing to see. The host sees the others, too. */
+/** Problems that leave nothing visible. Only the host also sees other problems. */
 const DARK = ["unlit", "underexposed", "no-picture"];
 
-/** Why a photograph shows nothing that could be sent. @param {Shot} shot */
+/** Returns the problem because of which a photograph shows nothing that could be sent. @param {Shot} shot */
 export const obstacle = (shot) => shot.obstacles.find(({ key }) => DARK.includes(key));
 
-/** Errors whose English words say more than the page's sentence. */
+/** Errors whose English message says more than the page's sentence. */
 const EXPLAINED = ["broken", "drawing-broken", "log", "not-possible", "page-old"];
 /**
- * What is said of a photograph of a word. @param {Shot} shot
- * @param {Judged | null} verdict that of the photograph which is kept; null: it is not known yet
- * @param {(verdict: Judged) => string} [reason] why it is not read
+ * Returns the sentences about a photograph. @param {Shot} shot
+ * @param {Judged | null} verdict verdict on the photograph that is kept, or null if it is not known yet
+ * @param {(verdict: Judged) => string} [reason] returns the reason for an illegible word
  * @returns {Spoken}
  */
 export function ofShot(shot, verdict, reason = () => "") {
@@ -31,7 +31,7 @@ export function ofShot(shot, verdict, reason = () => "") {
   const read = verdict.read.replace(/\s+/g, " ").trim();
   if (verdict.legible) return { first: t("reads", { read }), then: flight };
   const wrong = verdict.letters.find(({ expected, best }) => best !== expected);
-  // Without a server nothing is sent.
+  // Without a server, nothing can be sent.
   const sends = wrong ? t("way-letter", { letter: wrong.expected }) : t("way");
   const way = isLog() ? "" : about.alone ? t("way-alone") : sends;
   if (!wrong && verdict.reason) {
@@ -40,11 +40,11 @@ export function ofShot(shot, verdict, reason = () => "") {
       then: `${reason(verdict)} ${way}`.trim(),
     };
   }
-  // A question mark is light that is not a letter.
+  // A question mark stands for light that is not a letter.
   return { first: read && !read.includes("?") ? t("unreadable", { read }) : t("unreadable-nothing"), then: way };
 }
 
-/** What is said of an error: its sentence, and a way out. @param {Said} said @returns {Spoken} */
+/** Returns the sentence about an error, and advice. @param {Said} said @returns {Spoken} */
 export function ofError(said) {
   const way = `way-${said.key}`;
   return {
@@ -55,7 +55,7 @@ export function ofError(said) {
 }
 
 /**
- * Puts a sentence where a screen reader reads it. A repeated one is not read again.
+ * Shows sentences where a screen reader reads them. Repeated sentences are not read again.
  * @param {HTMLElement} line
  * @param {Spoken} spoken
  */
@@ -74,7 +74,7 @@ export function say(line, { first, then, why }) {
   );
 }
 
-/** What is said of the length of a drawing. @param {number} seconds @param {number} battery_s */
+/** Returns the sentences about the flight time of a drawing. @param {number} seconds @param {number} battery_s */
 export function ofLength(seconds, battery_s) {
   const n = Math.round(seconds);
   const key = n > battery_s ? "too-long" : n > 0.7 * battery_s ? "nearly-full" : "room-for-more";

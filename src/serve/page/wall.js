@@ -1,5 +1,5 @@
-// The wall: what was approved, one after the other large for a while, a new one before the others,
-// and the code of the page. No button.
+// The wall, which shows approved photographs one after another, a new one first, and the code of the
+// page. It has no controls.
 
 import { follow, get, onLost, sleep } from "./ask.js";
 import { putBrand } from "./brand.js";
@@ -9,12 +9,12 @@ import { loop } from "./loop.js";
 import { putSamples } from "./samples.js";
 import { preferred, putWords, speakAll, t } from "./words.js";
 
-/** A photograph is written once, and hangs large for a minute at least. */
+/** Shortest time for which a photograph is large, and time in which it is written once. */
 const HANGS_MS = 60_000,
   WRITTEN_MS = 20_000;
 const MOST = 7;
 
-/** Time between two looks at a flight. */
+/** Time between two pictures of a flight in progress. */
 const LIVE_MS = 250;
 
 /** @typedef {WallPhoto} Hung */
@@ -24,12 +24,12 @@ const newest = byId("newest"),
 let photos = [];
 let since = 0,
   timer = 0;
-/** The newest that has hung large. */
+/** Key of the newest photograph that was large. */
 let latest = "";
-/** The deck of the scene's drone. */
+/** Light deck of the scene's drone. */
 let deck = "";
 
-/** What is known of a photograph: how long it shone only of the large one. @param {Hung} photo @param {boolean} large */
+/** Returns the caption of a photograph, with the duration of its light if it is large. @param {Hung} photo @param {boolean} large */
 function caption({ title, flight_s, flying }, large) {
   const n = Math.round(flight_s);
   if (!large) return make("figcaption", {}, make("bdi", {}, flying ? t("flying-now") : title ?? t("drawing")));
@@ -43,7 +43,7 @@ const image = (/** @type {Hung} */ { key, title }) =>
     alt: title === null ? t("alt-drawing") : t("alt", { title }),
   });
 
-/** Hangs the photographs: another one large each minute, the newest first, those after it small. */
+/** Shows the photographs: another one large each minute, the newest first, and the following ones small. */
 function hang() {
   clearTimeout(timer);
   if (!photos.length) putBare();
@@ -53,7 +53,7 @@ function hang() {
   if (photos.length > 1) timer = window.setTimeout(hang, Math.max(wait, 0) || HANGS_MS);
   let large = photos[shown];
   const live = photos.find((photo) => photo.live);
-  // A flight is seen at once, and its photograph hangs for as long as another.
+  // A flight is shown immediately, and its photograph as long as any other.
   const next = live ?? (large && ofFlight(large) !== newest.dataset.flight ? large : null);
   if (next && (next !== large || ofFlight(next) !== newest.dataset.flight)) {
     since = Date.now();
@@ -79,7 +79,7 @@ function hang() {
   older.replaceChildren(...rest.map((photo) => known.get(photo.key) ?? figure(photo)));
 }
 
-/** Nothing hangs yet: the lamp waits, and then writes what could. */
+/** Shows samples while there are no photographs. */
 function putBare() {
   const bare = byId("bare");
   if (!bare.hidden && bare.firstChild) return;
@@ -101,10 +101,10 @@ function figure(photo) {
   return hung;
 }
 
-/** The photograph of the flight that is beside it: none, the light so far, or the name of its file. @param {Hung} photo */
+/** Returns which photograph of the flight is shown beside the preview: "" for none, "live" for the light so far, or the file's name. @param {Hung} photo */
 const ofFlight = ({ live, flown }) => (live ? "live" : (flown?.name ?? ""));
 
-/** Hangs what was promised beside what is flown. @param {Hung} photo */
+/** Shows the preview beside the photograph of the flight. @param {Hung} photo */
 async function putPair(photo) {
   const side = (/** @type {HTMLImageElement} */ image, /** @type {string} */ said) =>
     make("div", { className: "side" }, make("div", { className: "frame" }, image), make("small", {}, said));
@@ -120,7 +120,7 @@ async function putPair(photo) {
   byId("bare").hidden = true;
   for (let n = 0; photo.live && seen.isConnected; n += 1) {
     const later = make("img", { src: `wall/${photo.key}/live.jpg?${n}`, alt: seen.alt });
-    // The light so far stays where a picture is lost on the way.
+    // If a picture cannot be loaded, the previous one stays.
     if (await later.decode().then(() => true, () => false)) {
       seen.replaceWith(later);
       seen = later;
@@ -129,7 +129,7 @@ async function putPair(photo) {
   }
 }
 
-/** Hangs a photograph large, and writes it once. @param {Hung} photo */
+/** Shows a photograph large, and writes it once. @param {Hung} photo */
 async function put(photo) {
   [newest.dataset.key, newest.dataset.flight] = [photo.key, ofFlight(photo)];
   if (ofFlight(photo)) return putPair(photo);
@@ -150,7 +150,7 @@ async function begun() {
   putWords(document);
   putBrand(about);
   deck = about?.deck ?? "";
-  // Phones reach no machine that is in no network.
+  // Without a network, no phone can open the page.
   const reached = about?.network === true;
   const code = () => make("div", { className: "code" }, make("img", { src: "qr.svg", alt: t("code-of-page") }));
   byId("invite").replaceChildren(
@@ -161,7 +161,7 @@ async function begun() {
     byId("lost").textContent = lost ? t(lost === "moved" ? "moved" : "lost") : "";
   });
   follow(async (_, restarted) => {
-    // After a restart the page itself may be another one.
+    // After a restart, the page may be of another version.
     if (restarted) return location.reload();
     const told = await get("wall").catch(() => null);
     if (told) {

@@ -1,9 +1,9 @@
-// What is asked of the program: the word, drawing or file with its settings.
+// The request for a photograph: the word, drawing or file with its settings.
 
 import { seen, written } from "./sketch.js";
 import { state } from "./state.js";
 
-/** Lamps by the page's names: the deck that carries each. */
+/** Decks that carry the lamps, by the page's names of the lamps. */
 export const DECKS = { ring: "led-ring", "color-led": "color-led" };
 /** Lenses of the cameras that the drawer offers. */
 const LENSES = { a6400: "kit-16mm", "canon-eos-2000d": "28mm", "one-inch": "28mm" };
@@ -15,8 +15,8 @@ export const learn = (/** @type {About} */ told) => {
 };
 
 /**
- * The word as it is written: any white space is a space, and what only directs how a text runs is
- * left out, as the program does it.
+ * Returns the word as it is written. As in the program, any white space becomes a space, and
+ * characters that only control the direction of text are left out.
  */
 const word = () =>
   state.word
@@ -24,27 +24,27 @@ const word = () =>
     .replace(/[\xad\u061c\u180e\u200b\u200e\u200f\u202a-\u202e\u2060-\u206f\ufeff]/g, "")
     .replace(/([\u0600-\u1cff]?)([\u200c\u200d])/g, (_, joined, joiner) => (joined ? joined + joiner : ""))
     .trim();
-/** Letters that have a color of their own. */
+/** Returns the letters, each of which may have its own color. */
 export const letters = () => [...word().replace(/ /g, "")];
 export const colorOf = (/** @type {number} */ i) => state.painted[i] ?? state.color;
 
-/** The colors that are seen in what is wished. */
+/** Returns the colors of the letters or strokes. */
 function colors() {
   if (state.mode === "pad" || isDrawing()) return seen(state.sketch).map((stroke) => stroke.color);
   return letters().map((_, i) => colorOf(i));
 }
 
-/** True for the log of a flight, whose word may be known. */
+/** Returns true for the log of a flight, whose word may be known. */
 export const isLog = () => state.opened?.kind === "log";
 export const isDrawing = () => !state.opened && !word() && seen(state.sketch).length > 0;
 export const isEmpty = () =>
   state.opened ? isNothing(state.opened) : !word() && !seen(state.sketch).length;
-/** True if all strokes of a file are left out. */
+/** Returns true if all strokes of a file are left out. */
 const isNothing = (/** @type {Opened} */ { out, of }) => out !== undefined && out.length === of;
-/** What it is called; null for a drawing. */
+/** Returns the title of the photograph, or null for a drawing. */
 export const title = () => (state.opened || isDrawing() ? null : word());
 
-/** The lamp that writes: the chosen one, or one that has colors where a color is wished. */
+/** Returns the lamp that writes: the chosen one or, if a color is needed, one with colors. */
 function lamp() {
   if (state.lamp && state.lamp !== "headlights") return state.lamp;
   const plain = colors().every((color) => color === "white");
@@ -52,17 +52,17 @@ function lamp() {
   return about.deck === "led-ring" ? "ring" : "color-led";
 }
 
-/** The largest pad in the room, in meters, and its share of the photograph's sides. */
+/** Largest width and height of the pad in the room, in meters, and the fraction of the photograph that it fills. */
 const PAD_M = [3, 1.7];
 export const FILL = 0.8;
-/** Shapes below this are a phone or a tablet upright. */
+/** Aspect below which the screen is that of a phone or of an upright tablet. */
 const NARROW = 1.3;
 
-/** A color of the lamps by its name. */
+/** Returns a color of the lamps by its name. */
 const color = (/** @type {string} */ name) =>
   about.colors.find((color) => color.name === name) ?? about.colors[0];
 
-/** A pad's width and height in meters, of a shape. */
+/** Returns a pad's width and height in meters for an aspect. */
 function canvas(/** @type {number} */ aspect) {
   const high = Math.min(PAD_M[1], PAD_M[0] / aspect);
   return [high * aspect, high].map((side) => Math.round(1000 * side) / 1000);
@@ -73,7 +73,7 @@ function subject() {
   if (state.opened && isLog()) return { word: word(), log: state.opened.text };
   if (state.opened) return { drawing: { kind: state.opened.kind, text: state.opened.text } };
   if (!isDrawing()) return { word: word() };
-  // White is the lamp's own color, which is written as black.
+  // On the color LED deck, white is the color of its white LED, which a drawing expresses as black.
   const own = lamp() === "color-led" ? "white" : "";
   const rgb = (/** @type {string} */ name) => (name === own ? [0, 0, 0] : color(name).screen);
   return {
@@ -81,7 +81,7 @@ function subject() {
   };
 }
 
-/** What is chosen of a file, as the program's settings. @param {Opened} opened */
+/** Returns the corners and the selected strokes of a file as settings. @param {Opened} opened */
 function chosen({ corners, out = [], of = 0 }) {
   const all = Array.from({ length: of }, (_, i) => i + 1);
   const few = 2 * out.length > of ? all.filter((n) => !out.includes(n)) : out;
@@ -104,7 +104,7 @@ function settings(aspect) {
     set["letters.canvas_m"] = JSON.stringify([6 * high, 2 * high]);
     Object.assign(set, chosen(state.opened));
   }
-  // A word spans a narrow screen.
+  // On a narrow screen, a word fills more of the width.
   if (aspect < NARROW && !state.opened) set["camera.framing.fill_frac"] = "0.85";
   if (isDrawing()) {
     set["letters.canvas_m"] = JSON.stringify(canvas(state.sketch.page[0] / state.sketch.page[1]));
@@ -127,7 +127,7 @@ function settings(aspect) {
   return set;
 }
 
-/** The wish, for a photograph of a shape (width / height). */
+/** Returns the request for a photograph with an aspect (width / height). */
 export function wish(/** @type {number} */ aspect) {
   return {
     ...subject(),

@@ -1,18 +1,18 @@
-// Words in the visitor's language: `words/en.json` and its sisters, a table a language; what no
-// visitor reads at first stands in `words/en-more.json`.
+// Texts in the visitor's language. Each language has a table, such as `words/en.json`, and a second
+// one, such as `words/en-more.json`, with texts that are not needed at the start.
 
-/** Languages that are complete, by their own names. */
+/** Languages with complete tables, with their native names. */
 export const LANGUAGES = { en: "English", de: "Deutsch", fr: "Français", es: "Español" };
 
 /** @typedef {string | Partial<Record<Intl.LDMLPluralRule, string>>} Phrase */
 /** @type {Record<string, Phrase | Record<string, string>>} */
 let table = {};
 let language = "en";
-/** Whether all words are wanted, see `speakAll`. */
+/** True if both tables are loaded, see `speakAll`. */
 let whole = false;
 const RIGHT_TO_LEFT = ["ar", "fa", "he", "ur"];
 
-/** The language to begin with: the one that was chosen, or the browser's first that is there. */
+/** Returns the chosen language, or else the browser's first language for which there is a table. */
 export function preferred(/** @type {string} */ chosen) {
   if (chosen) return chosen;
   const known = navigator.languages
@@ -21,7 +21,7 @@ export function preferred(/** @type {string} */ chosen) {
   return known ?? "en";
 }
 
-/** The words of a language, in parts. @param {string} code @param {string[]} parts */
+/** Loads the tables of a language. @param {string} code @param {string[]} parts */
 export async function wordsOf(code, parts = [""]) {
   const tables = parts.map(async (part) => {
     const name = `words/${code}${part}.json`;
@@ -32,7 +32,7 @@ export async function wordsOf(code, parts = [""]) {
   return Object.assign({}, ...(await Promise.all(tables)));
 }
 
-/** Loads a language and words the document in it. */
+/** Loads a language, and sets the document's texts. */
 export async function speak(/** @type {string} */ code) {
   table = await wordsOf(code, whole ? ["", "-more"] : [""]);
   language = code;
@@ -42,7 +42,7 @@ export async function speak(/** @type {string} */ code) {
   putWords(document);
 }
 
-/** The same with all words: those of settings, of the operator, of the wall and of what stops. */
+/** Loads both tables of a language, of which the second contains the texts of settings, operator, wall and checks. */
 export function speakAll(code = language) {
   if (whole && code === language) return Promise.resolve();
   whole = true;
@@ -52,7 +52,7 @@ export function speakAll(code = language) {
   });
 }
 
-/** Words all elements that ask for it: as text (data-t), label (data-l) or placeholder (data-p). */
+/** Sets the texts (data-t), labels (data-l) and placeholders (data-p) of all elements that name a key. */
 export function putWords(/** @type {Document | Element} */ root) {
   for (const element of root.querySelectorAll("[data-t]")) {
     const kept = element.querySelector(".icon");
@@ -69,7 +69,7 @@ export function putWords(/** @type {Document | Element} */ root) {
   }
 }
 
-/** A phrase with its values; `n` chooses between one and several. */
+/** Returns a phrase with its values, of which `n` selects the singular or a plural. */
 export function t(
   /** @type {string} */ key,
   /** @type {Record<string, string | number>} */ values = {},
@@ -80,7 +80,7 @@ export function t(
 export const hasWord = (/** @type {string} */ key) => key in table;
 
 /**
- * What the server says, in the visitor's language; its own English where the table lacks it.
+ * Returns a message of the server in the visitor's language, or in English if the table lacks it.
  * @param {"errors" | "obstacles" | "stops" | "advice" | "reasons"} group
  * @param {Said} said
  */
@@ -99,23 +99,23 @@ export function worded(phrase, values, code = language) {
   });
 }
 
-/** A number as the language writes it. */
+/** Formats a number in the language. */
 export const number = (/** @type {number} */ value) =>
   new Intl.NumberFormat(language, { maximumFractionDigits: 2 }).format(value);
 
-/** A foreign word that keeps its own direction within a sentence of the other. */
+/** Isolates the direction of a text that may be written in the other direction. */
 function isolated(/** @type {string} */ text) {
   const foreign =
     document.documentElement.dir === "rtl" || /[\u0590-\u08ff\ufb1d-\ufefc]/.test(text);
   return foreign ? `\u2068${text}\u2069` : text;
 }
 
-/** A maker's sentence in the language, or in English, or the first that there is. */
+/** Returns the host's sentence in the language, or else in English, or else the first one. */
 export function ofMaker(/** @type {Record<string, string> | undefined} */ sentences) {
   return sentences?.[language] ?? sentences?.en ?? Object.values(sentences ?? {})[0] ?? "";
 }
 
-/** A day as the language writes it. */
+/** Formats a date in the language. */
 export function day(/** @type {string} */ iso) {
   return new Intl.DateTimeFormat(language, { dateStyle: "long" }).format(new Date(iso));
 }

@@ -12,7 +12,7 @@ from .learning import ACTIONS, OBSERVATIONS, VectorEnv
 
 
 class Drones(VecEnv):
-    """The drones of a `VectorEnv`. When an episode ends, the next one begins in the same step."""
+    """The drones of a `VectorEnv`, with episodes that begin in the step in which the previous ones end."""
 
     def __init__(self, drones: VectorEnv) -> None:
         self._drones = drones

@@ -154,14 +154,14 @@ def follow(log: PathLike, *, output: PathLike | None = None, **options: Any) -> 
 
 
 def _tell(lines: Iterable[str] | None, told: list[str]) -> None:
-    """Prints lines as they arrive, and stores them in `told`."""
+    """Prints lines to standard output as they arrive, and appends them to `told`."""
     for line in lines or ():
         told.append(line)
         print(line, end="", flush=True)
 
 
 def _show_until(has_ended: Callable[[], bool], photo: Path) -> None:
-    """Shows a photo in a notebook whenever it has been rewritten."""
+    """Shows a photo in a notebook whenever its file has been rewritten, until `has_ended` returns true."""
     notebook, last, ends = _notebook(), b"", False
     shown: Any = None
     while not ends:
@@ -177,7 +177,7 @@ def _show_until(has_ended: Callable[[], bool], photo: Path) -> None:
 
 
 def _notebook() -> Any:
-    """Returns the module IPython.display in a notebook, or None."""
+    """Returns the module IPython.display in a notebook, otherwise None."""
     try:
         ipython: Any = importlib.import_module("IPython")
         return importlib.import_module("IPython.display") if ipython.get_ipython() else None
@@ -186,7 +186,7 @@ def _notebook() -> Any:
 
 
 def _with_files(verb: str, *inputs: Any, output: PathLike | None, name: str = "", **options: Any) -> Report:
-    """Runs a command that writes files, or one file called `name`. Without `output` the report contains them."""
+    """Runs a command that writes files, or one file called `name`. Without `output` the report contains the files."""
     if output is not None or options.get("region"):
         return command(verb, *inputs, output=output, **options)
     with tempfile.TemporaryDirectory(prefix="noctograph-") as folder:

@@ -44,13 +44,14 @@ SEEDS = 100
 LADDER = 7
 #: Seeds below this limit can be found by trial, as in ``noctograph rank``.
 PUBLIC_SEEDS = 1 << 32
-#: Paths that Python itself needs.
+#: Paths that Python itself needs, and that every controller may read.
 SYSTEM = ("/usr", "/lib", "/lib64", "/nix", "/etc/alternatives", "/etc/ld.so.cache", "/dev/null", "/dev/urandom")
-#: Time within which a guard has to end its processes, s. After it the guard is killed, and the kernel ends the others.
+#: Time within which a guard has to end the processes of its submission, s. A slower guard is killed, and the kernel
+#: ends the processes.
 GUARD_S = 10.0
 #: Time between checks for a stop and for further processes of a submission, s.
 STOPS_S = 0.1
-#: Most CPU time of a submission's other threads during a flight, s. Idle threads of a package fall asleep in 1 ms.
+#: Maximum CPU time of a submission's other threads during a flight, s. Idle threads of a package sleep within 1 ms.
 WORKS_S = 0.02
 #: Maximum size of a controller's source, bytes.
 MOST_BYTES = 1 << 20
@@ -58,8 +59,19 @@ MOST_BYTES = 1 << 20
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits of a controller in Python for a word: wall time of one step of all its flights, which fly together, and
-    of loading, total wall time and CPU time, all in s, and memory in MB."""
+    """Limits of a controller in Python for a word, whose flights advance in step.
+
+    Attributes
+    ----------
+    step_s : float
+        Wall time of one step of all flights, s.
+    load_s : float
+        Wall time of loading, s.
+    total_s : int
+        Wall time of all steps, and CPU time of the process, s.
+    memory_mb : int
+        Address space of the process, MB.
+    """
 
     step_s: float = 5.0
     load_s: float = 60.0
@@ -70,7 +82,7 @@ class Limits:
 def _no_window() -> dict[str, str]:
     """Returns the variables with which packages of MuJoCo are imported without a display.
 
-    pyGLFW starts a process to ask for the version of its library, unless the library is named.
+    Without the name of its library, pyGLFW would start a process to ask for the library's version.
     """
     spec = importlib.util.find_spec("glfw")
     libraries = sorted(Path(spec.origin).parent.rglob("libglfw*")) if spec and spec.origin else []
@@ -78,17 +90,17 @@ def _no_window() -> dict[str, str]:
 
 
 class Failed(Exception):
-    """Reason why a submission has no place."""
+    """Reason why a submission is not ranked."""
 
 
 def _line(answer: bytes) -> str:
-    """Returns the output of a process in a form that fits into a table."""
+    """Returns the first 200 characters of a process's output for a table, with a space for each unprintable one."""
     text = answer.decode("utf-8", "replace")
     return "".join(sign if sign.isprintable() else " " for sign in text[:200])
 
 
 class _Process:
-    """A controller in a separate process."""
+    """A submission in a separate process, which starts with this object and ends with `end`."""
 
     def __init__(self, source: bytes, scene: Scene, n: int, limits: Limits, shown: Sequence[str], running: _Running) -> None:
         self.limits, self.waited_s, self.looks_s, self.flights, self.running = limits, 0.0, 0.0, 0, running
@@ -113,17 +125,17 @@ class _Process:
                 self._send(message)
             answer = self._receive("n", 0, limits.load_s)
             self.controls, self.estimates, self.left = answer[:1] == b"1", answer[1:2] == b"1", _line(answer[2:])
-            self._receive("r", 0, limits.total_s)  # imported for each of the flights
+            self._receive("r", 0, limits.total_s)  # the submission is imported for each of the flights
         except BaseException:
             self.end()
             raise
 
     def control(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Returns motor commands for the flights that are not over."""
+        """Returns motor commands (N, 4) for the N flights that are not over, from their rows (`isolated.COLUMNS`)."""
         return self._ask("m", rows.tobytes(), 4 * len(rows)).reshape(-1, 4)
 
     def estimator(self, start: NDArray[np.float64]) -> Callable[[dict[str, Any], float], NDArray[np.float64]]:
-        """Returns the estimator of one flight, as `fly` calls it."""
+        """Creates the submission's estimator of the next flight. Returns a function that calls it, as `fly` does."""
         flight, self.flights = self.flights, self.flights + 1
         self._ask("e", json.dumps({"start": start.tolist()}).encode(), 0)
 
@@ -134,7 +146,7 @@ class _Process:
         return update
 
     def _ask(self, kind: str, message: bytes, n: int) -> NDArray[np.float64]:
-        """Sends a message and returns the n numbers of its answer."""
+        """Sends a message and returns the n finite numbers of its answer. Fails if all answers have taken `total_s`."""
         begun = time.monotonic()
         if begun > self.looks_s:
             self._is_alone()
@@ -150,14 +162,16 @@ class _Process:
         return numbers
 
     def _is_alone(self) -> None:
-        """Refuses processes beside the one of the submission, see `isolated.descend`, and threads beside its first
-        that work: those of packages wait, of this one too."""
+        """Fails if the submission has further processes (see `isolated.descend`), or if its further threads work.
+
+        Threads that only wait are allowed, because packages such as NumPy start them.
+        """
 
         def children(pid: int) -> list[int]:
             with open(f"/proc/{pid}/task/{pid}/children") as file:
                 return [int(it) for it in file.read().split()]
 
-        with contextlib.suppress(OSError, IndexError):  # it has ended, or this system does not tell
+        with contextlib.suppress(OSError, IndexError):  # the process has ended, or the system does not list children
             first = children(self.process.pid)
             found = children(first[0])
             if others := len(first) + len(found) + len(children(found[0])) - 2:
@@ -176,10 +190,13 @@ class _Process:
         except TimeoutError:
             raise Failed("it does not listen") from None
         except OSError:
-            pass  # it has ended: its last output is read
+            pass  # the process has ended, and its last output is read next
 
     def _receive(self, kind: str, most: int, within_s: float) -> bytes:
-        """Returns the next answer of a kind, or fails with the reason why there is none."""
+        """Returns the next answer of a kind, of at most `most` bytes. Fails with the reason why there is none.
+
+        An answer is its length, its kind and its bytes. The kind `f` contains the reason for a failure.
+        """
         until, parts, length = time.monotonic() + within_s, bytearray(), 4
         while len(parts) < length:
             try:
@@ -208,6 +225,7 @@ class _Process:
         return answer
 
     def _status(self) -> str:
+        """Returns how the process ended."""
         try:
             code = self.process.wait(1)
         except subprocess.TimeoutExpired:
@@ -217,7 +235,10 @@ class _Process:
         return f"killed by {names[number]} (memory or CPU time)" if number in names else f"exit code {code}"
 
     def end(self) -> None:
-        """Ends the process and all that it started. Closing its pipe makes the guard do so: see `isolated.guard`."""
+        """Ends the process and all that it started, and deletes its folder.
+
+        The guard ends them when the pipe is closed (see `isolated.guard`). After `GUARD_S` the guard itself is killed.
+        """
         self.wire.close()
         assert self.process.stdin is not None
         self.process.stdin.close()
@@ -231,7 +252,7 @@ class _Process:
 
 
 class _Running(set[_Process]):
-    """Processes that have not ended, none of which goes on once they are stopped."""
+    """Processes that have not ended. They all fail after the event `stopped` is set."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -240,7 +261,10 @@ class _Running(set[_Process]):
 
 @contextlib.contextmanager
 def _workers(n: int | None) -> Generator[tuple[ThreadPoolExecutor, _Running]]:
-    """Threads that fly controllers; an interrupt, as by Ctrl-C, ends all processes and waits for no flight."""
+    """Provides n threads that fly controllers, by default one for each core, and the set of their processes.
+
+    An exception, such as an interrupt by Ctrl-C, ends all processes without waiting for their flights.
+    """
     pool, running = ThreadPoolExecutor(n or os.cpu_count()), _Running()
     try:
         yield pool, running
@@ -256,7 +280,8 @@ def _workers(n: int | None) -> Generator[tuple[ThreadPoolExecutor, _Running]]:
 def _fly(
     scene: Scene, seeds: list[int], source: bytes, conditions: str, limits: Limits, shown: Sequence[str], running: _Running
 ) -> tuple[list[str], list[str], str]:
-    """Returns the outcomes of a controller's flights as JSON, what is doubtful, and what could not be blocked."""
+    """Flies a submission with each seed. Returns the outcomes as JSON, the warnings about its flights, and what of the
+    system could not be blocked."""
     process, motors = _Process(source, scene, len(seeds), limits, shown, running), np.zeros((len(seeds), 4))
     try:
         estimator = process.estimator if process.estimates else None
@@ -265,6 +290,7 @@ def _fly(
         seen = sessions.observations()
         while not (over := seen["landed"] | seen["lost"]).all():
             if not process.controls:
+                # The scene's controller flies with the estimator, 0.1 s at a time.
                 sessions.step(None, [sessions.command_hz // 10] * len(seeds))
                 seen = sessions.observations()
                 continue
@@ -281,7 +307,10 @@ def _fly(
 
 
 def _shown(hidden: Sequence[str]) -> list[str]:
-    """Returns the folders that a controller may read: Python and its packages, without those that hold hidden files."""
+    """Returns the paths that a controller may read: those of Python and its packages, except for paths within `hidden`.
+
+    A path within another one is left out.
+    """
     private = [Path(it).resolve() for it in hidden]
     packages = [it for it in sys.path if not any(path.is_relative_to(Path(it).resolve()) for path in private)]
     paths = [*SYSTEM, sys.base_prefix, sys.prefix, *os.environ.get("LD_LIBRARY_PATH", "").split(os.pathsep), *packages]
@@ -293,8 +322,11 @@ def _shown(hidden: Sequence[str]) -> list[str]:
 
 
 def _submissions(given: PathLike | Sequence[PathLike]) -> dict[str, Path]:
-    """Files by the names of their rows: those without their endings, behind the name of the student's folder, where
-    no two share one. Hidden files are named and left out."""
+    """Returns the submitted files by the names of their rows in the table.
+
+    A row has the name of the file without its ending, preceded by the name of the student's folder. If that name is not
+    unique, the row has the whole path. Hidden files are left out with a warning.
+    """
     files: list[tuple[str, Path]] = []
     for path in [Path(it) for it in ([given] if isinstance(given, (str, os.PathLike)) else given)]:
         files += _handed(path, "") if path.is_dir() else [(path.stem, path)]
@@ -303,7 +335,7 @@ def _submissions(given: PathLike | Sequence[PathLike]) -> dict[str, Path]:
 
 
 def _handed(folder: Path, student: str) -> list[tuple[str, Path]]:
-    """Returns the files in a folder and in its students' folders."""
+    """Returns the files in a folder and in its students' folders, with names. Prints a warning about hidden files."""
     entries = sorted(folder.iterdir())
     hidden = [it.name for it in entries if it.name.startswith((".", "_"))]
     if hidden:
@@ -320,7 +352,7 @@ def _handed(folder: Path, student: str) -> list[tuple[str, Path]]:
 
 
 def _warnings(task: Scene, handed: dict[str, bytes], seed: int) -> list[str]:
-    """What is to be known before marks of controllers in Python, and of scenes beside them, are compared."""
+    """Returns warnings that matter when marks are compared: a guessable seed, unequal references, and equal files."""
     found: list[str] = []
     sources = [name for name, source in handed.items() if source]
     if sources and seed < PUBLIC_SEEDS:
@@ -360,34 +392,34 @@ def grade(
     Parameters
     ----------
     task : Scene or str
-        What is flown. Its word by default.
+        Scene that is flown. Its word by default.
     submissions : path or sequence of path
-        Files (``.toml``, ``.py``) or a folder of them.
+        Files (``.toml``, ``.py``), or folders with such files or with a folder for each student.
     may : sequence of str
-        Keys that a scene may change, as ``"controller.*"``: the default with the weights of the observers. Never
-        one that names a file, never the true state.
+        Keys that a scene may change, such as ``"controller.*"``. By default, these are the keys of the controller and
+        the weights of the observers. Keys of files and of the true state are always refused.
     words, conditions
         As for `rank`.
     seeds : int
         Seeds of each word.
     seed : int, optional
-        Seed that all seeds are drawn from: by default one that nobody can guess, which ``report["seed"]`` has. One
-        below 2**32 can be found by trial, in flight.
+        Seed from which the seeds of all flights are derived. By default, an unguessable seed is drawn, which
+        ``report["seed"]`` contains. A controller could find a seed below 2**32 by trial during a flight.
     acuity : int, optional
-        As for `rank`: further seeds of each word at each of seven cap heights, with which the smallest legible letters
-        of each submission are found. Marks do not change.
+        Number of further seeds of each word at each of seven cap heights, with which the smallest legible letters of
+        each submission are found, as for `rank`. Marks do not change.
     workers : int, optional
-        Controllers in Python that run at once; by default one for each core. The marks are the same.
+        Number of controllers in Python that run at once, by default one for each core. It does not affect the marks.
     limits : Limits, optional
         Time and memory of a controller in Python.
     progress : bool or callable
-        As for `rank`; of its flights.
+        As for `rank`.
 
     Returns
     -------
     Report
-        As of `rank`; ``report["unranked"]`` has what was refused and what failed, ``report.files`` the tables
-        with ``marks.csv``.
+        Report with the keys of `rank`. ``report["unranked"]`` contains the submissions that were refused or failed,
+        with the reasons. ``report.files`` contains the tables, among them ``marks.csv``.
     """
     seed = PUBLIC_SEEDS + secrets.randbelow((1 << 64) - PUBLIC_SEEDS) if seed is None else _whole("seed", seed)
     acuity = None if acuity is None else _whole("acuity", acuity, 1, MOST_FLIGHTS)
@@ -402,7 +434,7 @@ def grade(
         try:
             if file.is_symlink():
                 raise Failed("a link, which is not followed")
-            ending = file.suffix.lower() if file.is_file() else ""  # a folder or a pipe has none
+            ending = file.suffix.lower() if file.is_file() else ""  # a folder or a pipe has no ending
             if ending == ".py" and os.name == "posix":
                 if file.stat().st_size > MOST_BYTES:
                     raise Failed(f"more than {MOST_BYTES} bytes")
@@ -427,7 +459,7 @@ def grade(
     flown: dict[tuple[str, str], list[str]] = {}
 
     def studies() -> list[list[_Part]]:
-        """What controllers in Python fly: the study, and each rung of its ladder."""
+        """Returns the flights of controllers in Python: those of the study, and those of each rung of its ladder."""
         named = list(scenes.items())
         ladder = [] if acuity is None or not named else _ladder(named, counted, seed, acuity)
         study = list(scenes.values()), _trials(named, counted, seed) if named else []
@@ -445,7 +477,7 @@ def grade(
     left: set[str] = set()
     doubts: dict[str, str] = {}
     with _workers(workers) as (pool, running):
-        # Who fails in the study does not fly its ladder, which depends on the scenes that are left.
+        # A submission that fails in the study does not fly the ladder, which depends on the remaining scenes.
         parts = studies()[0]
         while parts:
             with _bar(progress, "controllers") as show:
@@ -477,7 +509,7 @@ def grade(
 
 
 def _word(text: str) -> tuple[str, int]:
-    """Returns a word of ``--words`` with its number of seeds."""
+    """Returns a word of ``--words`` with its number of seeds, which is `SEEDS` if it is missing."""
     word, _, n = text.partition(":")
     if n and not n.isdecimal():
         raise InputError("--words", text, "a word with its number of seeds", "TEA:100")
@@ -485,7 +517,10 @@ def _word(text: str) -> tuple[str, int]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Grades a folder. Returns 1 if a submission was refused or failed."""
+    """Grades submissions, and writes the tables and a page.
+
+    Returns the exit code: 1 if a submission was refused or failed, 2 for an error.
+    """
     parser = argparse.ArgumentParser(prog="python -m noctograph.grade", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("task", metavar="TASK", help="scene: a file or a name, as for noctograph")
     parser.add_argument("submissions", metavar="SUBMISSION", nargs="+", help="folder, or files (.toml, .py)")
@@ -530,4 +565,4 @@ if __name__ == "__main__":
         sys.exit(main())
     except KeyboardInterrupt:
         print("error: interrupted: no marks are written", file=sys.stderr, flush=True)
-        os._exit(130)  # without waiting for flights that threads still photograph
+        os._exit(130)  # without waiting for threads that still photograph flights

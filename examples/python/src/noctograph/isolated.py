@@ -1,7 +1,7 @@
-"""The process of one submission, which receives estimates and returns motor commands, and nothing else.
+"""The process of one submission, which only receives estimates and returns motor commands.
 
-The first answer to the grader lists what the system cannot forbid. Python itself forbids less than a kernel, but its
-audit events tell what a submission tried.
+The process tells the grader in its first answer which accesses the system cannot block. Audit events of Python block
+less than the kernel does, but they show what a submission tried to do.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ NEVER = ("socket.", "subprocess.", "os.", "shutil.", "signal.")
 IMPORTS = ("os.listdir", "os.scandir", "os.walk", "os.fwalk", "os.putenv", "os.unsetenv")
 #: Audit events whose first argument is a file, which may be in the submission's own folder.
 FILES = ("open", "os.chmod", "os.mkdir", "os.remove", "os.rename", "os.rmdir", "os.truncate", "os.utime", "shutil.")
-#: Audit events for which a controller has no reason during a flight.
+#: Audit events that are forbidden only during a flight, because a controller needs them at most while it is loaded.
 FLYING = ("open", "sys._getframe", "gc.", *IMPORTS)
 #: Bytes that a submission may write to its own folder while it is loaded.
 WRITTEN = 4 << 20
@@ -49,8 +49,8 @@ WRITTEN = 4 << 20
 NAMESPACES = 0x1000_0000 | 0x4000_0000 | 0x2_0000 | 0x2000_0000 | 0x0800_0000  # user, network, mounts, processes, IPC
 NEW_USER, READ_ONLY, RECURSIVE, MOUNT_SETATTR = 0x1000_0000, 1, 0x8000, 442
 DEATH_SIGNAL, DUMPABLE, SECCOMP, SUBREAPER, NO_NEW_PRIVILEGES = 1, 4, 22, 36, 38
-#: Of each architecture: its number in audit(3), clone, clone3, and calls that no controller needs: fork, vfork, and
-#: add_key, request_key and keyctl, since keys outlive the process and are seen by all of its user.
+#: Numbers for each architecture: its own in audit(3), then those of clone, clone3, and calls that no controller needs.
+#: These are fork, vfork, add_key, request_key and keyctl. Keys would outlive the process, and its user could read them.
 CALLS = {
     "x86_64": (0xC000_003E, 56, 435, (57, 58, 248, 249, 250)),
     "aarch64": (0xC000_00B7, 220, 435, (217, 218, 219)),
@@ -60,7 +60,7 @@ BIND, CAPABILITIES = 0x1000 | 0x4000, 0x2008_0522
 
 
 def receive(wire: socket.socket) -> bytes:
-    """Reads one message: its length, then its bytes."""
+    """Reads one message: its length, then its bytes. Ends this process if the grader has closed the connection."""
 
     def exactly(n: int) -> bytes:
         parts = bytearray()
@@ -75,12 +75,12 @@ def receive(wire: socket.socket) -> bytes:
 
 
 def send(wire: socket.socket, message: bytes) -> None:
-    """Sends one message."""
+    """Sends one message: its length, then its bytes."""
     wire.sendall(struct.pack("<I", len(message)) + message)
 
 
 def fail(wire: socket.socket, why: str) -> NoReturn:
-    """Sends the reason and ends the process."""
+    """Sends the reason, up to 200 characters, and ends this process."""
     send(wire, b"f" + why[:200].encode("utf-8", "replace"))
     os._exit(1)
 
@@ -96,14 +96,15 @@ def children() -> list[int]:
 
 
 def guard(first: int) -> NoReturn:
-    """Waits until the first process ends or the grader closes the pipe, and ends all that descends from this one.
+    """Waits until the first process ends or the grader closes standard input. Then ends all descendants of this one.
 
-    An orphan becomes a child of this process, even if it has moved to a new session or another parent.
+    Orphans among the descendants become children of this process, even if they have moved to a new session. The exit
+    code is that of the first process, or 128 plus the number of the signal that ended it.
     """
     ended, status = 0, 0
     while not ended and not select.select([0], [], [], 0.05)[0]:
         ended, status = os.waitpid(first, os.WNOHANG)
-    with contextlib.suppress(ChildProcessError):  # none is left
+    with contextlib.suppress(ChildProcessError):  # no child is left
         while True:
             for child in children():
                 os.kill(child, signal.SIGKILL)
@@ -114,8 +115,8 @@ def guard(first: int) -> NoReturn:
 def descend(wire: socket.socket, libc: ctypes.CDLL) -> None:
     """Continues in a grandchild, which runs the submission and can neither reach nor leave the processes above it.
 
-    The grandparent is the guard. The parent is the first process of a PID namespace, so that the kernel ends all
-    processes of the namespace with it, and delivers no signal to it from within.
+    The grandparent is the guard. The parent is the first process of a PID namespace. The kernel ends all processes of
+    the namespace when the parent ends, and delivers no signal from within the namespace to the parent.
     """
     libc.prctl(SUBREAPER, 1)
     if first := os.fork():
@@ -124,7 +125,7 @@ def descend(wire: socket.socket, libc: ctypes.CDLL) -> None:
     libc.prctl(DEATH_SIGNAL, signal.SIGKILL)
     if submission := os.fork():
         wire.close()
-        libc.prctl(DUMPABLE, 0)  # and it cannot be traced
+        libc.prctl(DUMPABLE, 0)  # the parent cannot be traced
         while (ended := os.wait())[0] != submission:
             pass
         code = ended[1]
@@ -136,9 +137,10 @@ def descend(wire: socket.socket, libc: ctypes.CDLL) -> None:
 
 
 def shut_off(wire: socket.socket, shown: list[str], own: str) -> str:
-    """Removes access to network, files and other processes as far as the system allows. Returns what remains possible.
+    """Removes access to network, files and other processes as far as the system allows. Continues in a grandchild.
 
-    Only the shown files, read-only, and the submission's own folder remain.
+    The shown paths remain readable, and the submission's own folder writable. Returns a sentence about what could not
+    be blocked, or an empty text.
     """
     libc, uid, gid = ctypes.CDLL(None), os.getuid(), os.getgid()
     if not hasattr(libc, "unshare"):
@@ -150,7 +152,7 @@ def shut_off(wire: socket.socket, shown: list[str], own: str) -> str:
                 with open(f"/proc/self/{name}", "w") as file:
                     file.write(text)
     except OSError:
-        mapped = False  # AppArmor, for example, leaves such a namespace without rights
+        mapped = False  # AppArmor, for example, permits the namespace but not the mapping
     descend(wire, libc)
     if not alone:
         return "network and files are not shut off here: the system has no namespaces for users"
@@ -169,16 +171,20 @@ def shut_off(wire: socket.socket, shown: list[str], own: str) -> str:
     read_only = (ctypes.c_uint64 * 4)(READ_ONLY, 0, 0, 0)
     failed = libc.syscall(MOUNT_SETATTR, -100, os.fsencode(own), RECURSIVE, read_only, 32)
     libc.mount(b"none", os.fsencode(inside), b"tmpfs", 0, size)
-    libc.unshare(NEW_USER)  # without it the mounts could be undone, and without rights the root kept
+    libc.unshare(NEW_USER)  # otherwise the submission could undo the mounts
     os.chroot(own)
     os.chdir(own)
+    # Without capabilities, the submission cannot leave this root.
     libc.capset((ctypes.c_uint32 * 2)(CAPABILITIES, 0), (ctypes.c_uint32 * 6)())
     return "files are not read-only here" if failed else ""
 
 
 def handed_in(code: CodeType, scene: Scene) -> tuple[Any, Any]:
-    """Imports a submission anew. Returns `controller` or `Controller`, else the last class or function that can be
-    one, created for a flight, and `estimator` or `Estimator`."""
+    """Imports a submission anew with seeded random numbers. Returns its controller for a flight, and its estimator.
+
+    The controller is `controller`, `Controller`, or the last class or function that can be one. It may be missing only
+    if there is an `estimator` or `Estimator`.
+    """
     random.seed(0)
     np.random.seed(0)
     sys.modules["submission"] = ModuleType("submission")
@@ -198,7 +204,10 @@ def handed_in(code: CodeType, scene: Scene) -> tuple[Any, Any]:
 
 
 def said(error: BaseException) -> str:
-    """Returns a text with an exception and the line of the submission that raised it."""
+    """Returns a text with an exception and the innermost line of the submission that raised it.
+
+    An exception whose own text cannot be computed is only named.
+    """
     trace, line = error.__traceback__, ""
     while trace is not None:
         if trace.tb_frame.f_code.co_filename == NAME:
@@ -213,7 +222,7 @@ def said(error: BaseException) -> str:
 
 
 def numbers(found: Any, shape: tuple[int, ...], what: str) -> Any:
-    """Returns the answer of a submission as numbers of a shape. Fails if it has another one."""
+    """Returns the answer of a submission as finite numbers of a shape. Raises an exception for anything else."""
     found = np.asarray(found)
     if found.shape != shape or found.dtype.kind not in "fiu":
         raise TypeError(f"{what}s are wanted, {shape[0]} of them, not {found.dtype} of shape {found.shape}")
@@ -223,7 +232,7 @@ def numbers(found: Any, shape: tuple[int, ...], what: str) -> Any:
 
 
 def estimate(makes: list[Any], running: list[Any], message: bytes) -> bytes:
-    """Returns the estimate of a flight from its readings, or nothing when the flight begins."""
+    """Returns the estimate of a flight from its readings. For a message that begins a flight, creates its estimator."""
 
     def vector(value: Any) -> Any:
         return np.array(value, float)
@@ -238,7 +247,7 @@ def estimate(makes: list[Any], running: list[Any], message: bytes) -> bytes:
 
 
 def fly(wire: socket.socket, each: list[tuple[Any, Any]]) -> NoReturn:
-    """Answers rows of the flights that are not over with their motor commands, and readings with estimates."""
+    """Answers rows of the flights that are not over with motor commands, and readings with estimates, forever."""
     controllers, estimators = ([it[place] for it in each] for place in (0, 1))
     timed = controllers[0] is not None and _takes_time(controllers[0])
     running: list[Any] = []
@@ -250,7 +259,8 @@ def fly(wire: socket.socket, each: list[tuple[Any, Any]]) -> NoReturn:
         rows = np.frombuffer(bytearray(message[1:])).reshape(-1, COLUMNS)
         motors = np.empty((len(rows), 4))
         for row, command in zip(rows, motors, strict=True):
-            state, reference = row[1:13].copy(), row[13:22].copy()  # not views of the other flights
+            # Copies, so that a controller cannot change other flights.
+            state, reference = row[1:13].copy(), row[13:22].copy()
             controller = controllers[int(row[0])]
             found = controller(state, reference, row[22]) if timed else controller(state, reference)
             command[:] = numbers(found, (4,), "motor command")
@@ -258,8 +268,11 @@ def fly(wire: socket.socket, each: list[tuple[Any, Any]]) -> NoReturn:
 
 
 def bind(flying: bool) -> None:
-    """Forbids new processes, and new threads in flight, by a filter of system calls (seccomp(2), in BPF), if that
-    exists. Before, clone3 does not exist, whose flags a filter cannot read: the C library then calls clone."""
+    """Forbids new processes, and during the flight also new threads, by a filter of system calls (seccomp(2), in BPF).
+
+    A filter cannot read the flags of clone3. Before the flight, clone3 therefore fails with ENOSYS, so that the C
+    library calls clone. Systems other than Linux, and unknown architectures, have no filter.
+    """
     if sys.platform != "linux" or (machine := os.uname().machine) not in CALLS:
         return
     arch, clone, clone3, refused = CALLS[machine]
@@ -279,7 +292,7 @@ def bind(flying: bool) -> None:
 
 
 def remembered(ask: Callable[..., Report]) -> Callable[..., Report]:
-    """Caches a function of a scene, which each of a hundred imports calls with the same arguments."""
+    """Returns a function of a scene with a cache, because each of a hundred imports calls it with equal arguments."""
     answers: dict[str, Report] = {}
 
     def again(scene: Scene | str, **options: Any) -> Report:
@@ -295,7 +308,7 @@ def running_lines() -> tuple[str, str]:
     """Returns the module that is being imported, if any, and the line of the submission that runs."""
     try:
         raise RuntimeError
-    except RuntimeError as error:  # sys._getframe is an event itself
+    except RuntimeError as error:  # sys._getframe would cause an audit event itself
         frame: FrameType | None = error.__traceback__ and error.__traceback__.tb_frame
     module = line = ""
     while frame is not None and not line:
@@ -308,7 +321,10 @@ def running_lines() -> tuple[str, str]:
 
 
 def main() -> NoReturn:
-    """Loads the submission and flies with it until the grader has finished."""
+    """Loads the submission and answers the grader until the grader closes the connection.
+
+    Before it is loaded, access and resources of this process are limited. An exception is sent as the reason.
+    """
     wire = socket.socket(fileno=int(sys.argv[1]))
     limits, own, flying = json.loads(sys.argv[2]), os.getcwd(), False
 
@@ -328,17 +344,18 @@ def main() -> NoReturn:
             if flying and module:
                 what = f"import {module} in flight: import it at the top of the file"
             elif not flying and (module or event.startswith("subprocess.")):
-                raise PermissionError(what)  # packages ask the system as they are imported, and do without its answer
+                # Packages that ask the system while they are imported can do without the answer.
+                raise PermissionError(what)
             fail(wire, what + line)
 
     def limit(what: int, most: int) -> None:
-        with contextlib.suppress(ValueError, OSError):  # it is already lower, or macOS does not have it
+        with contextlib.suppress(ValueError, OSError):  # the limit is already lower, or macOS does not have it
             resource.setrlimit(what, (most, most))
 
     try:
         warnings.simplefilter("ignore")
         for lazy in ("fft", "linalg", "ma", "polynomial", "random"):
-            importlib.import_module(f"numpy.{lazy}")  # no file can be opened in flight
+            importlib.import_module(f"numpy.{lazy}")  # NumPy could not import them lazily during the flight
         left = shut_off(wire, limits["shown"], own)
         source, (n,) = receive(wire), struct.unpack("<I", receive(wire))
         with open("task.toml", "wb") as task:

@@ -117,7 +117,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         return self._observe(seen), reward, self._over.copy(), np.zeros(self.num_envs, bool), infos
 
     def begin_again(self, observations: Floats) -> Floats:
-        """Begins the episodes that ended in the last step at once, and returns their first observations among the others'."""
+        """Begins the episodes that ended in the last step. Returns `observations` with their first observations."""
         begun = self._over.copy()
         self._sessions.reset([self._draw() if over else None for over in begun])
         seen = self._sessions.observations()
@@ -136,8 +136,9 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
 
 
 class Env(gymnasium.Env[Any, Any]):
-    """One drone of `VectorEnv`, with the same spaces, reward and parameters; also as
-    ``gymnasium.make("noctograph.learning:noctograph/Write-v0", scene=scene)``.
+    """One drone of `VectorEnv`, with the same reward and parameters, and spaces without the axis of drones.
+
+    ``gymnasium.make("noctograph.learning:noctograph/Write-v0", scene=scene)`` also creates it.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}
@@ -150,7 +151,7 @@ class Env(gymnasium.Env[Any, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Floats, dict[str, Any]]:
-        """Begins an episode."""
+        """Begins an episode. `seed` also determines the seeds of later episodes."""
         super().reset(seed=seed)
         observations, infos = self._drones.reset(seed=seed, options=options)
         return observations[0], infos
@@ -162,16 +163,16 @@ class Env(gymnasium.Env[Any, Any]):
             hint = "one command for each of the motors m1 to m4"
             raise InputError("action", f"shape {action.shape}", "(4,)", hint)
         observations, rewards, terminated, truncated, infos = self._drones.step(action[None])
-        # The vector's keys with an underscore say which drones have a value.
+        # Keys with an underscore state which drones of the vector have a value.
         info = {key: value[0] for key, value in infos.items() if not key.startswith("_")}
         return observations[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), info
 
 
 def sb3_env(scene: Scene, num_envs: int = 1, *, control_hz: float = 250, conditions: str = "still") -> Any:
-    """`VectorEnv` as Stable-Baselines3 takes it: a `VecEnv` of its own, N drones in one process on all cores.
+    """Creates a `VectorEnv` for Stable-Baselines3: a `VecEnv` of N drones in one process on all cores.
 
-    The observation of an episode's end is in ``info["terminal_observation"]``, and the next episode has begun, as
-    Stable-Baselines3 wants it.
+    As Stable-Baselines3 expects, the step that ends an episode begins the next one, and the last observation of the
+    ended episode is in ``info["terminal_observation"]``.
 
     Parameters
     ----------

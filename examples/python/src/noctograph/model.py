@@ -28,8 +28,8 @@ class Model:
 
     Inputs u, shape (..., 4): commands of the motors m1 to m4, 0 to 65535.
 
-    The model leaves out gusts, the ground effect (5 % of the thrust at a height of 4 cm), the battery's sag and the
-    floor. If the body points straight up or down (pitch ±90°), yaw and roll are not defined.
+    The model omits gusts, the ground effect (5 % of the thrust at a height of 4 cm), the battery's sag and the floor.
+    If the body points straight up or down (pitch ±90°), yaw and roll are not defined.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class Model:
         self.n = 16 if max(self._lags_s) > 0 else 12
 
     def hover(self, position_m: ArrayLike = (0, 0, 0), yaw_rad: float = 0) -> tuple[Floats, Floats]:
-        """Returns states x and inputs u of a hovering drone, apart from an offset of its center of mass."""
+        """Returns states x and inputs u of a hovering drone whose center of mass has no offset."""
         u = np.full(4, self.mass_kg * GRAVITY_M_S2 / 4 / self._command_n)
         state = np.concatenate([np.asarray(position_m, float), [yaw_rad], np.zeros(8)])
         return self.complete(state, u), u
@@ -107,7 +107,10 @@ class Model:
         return np.concatenate([np.stack(slopes, -1), change], -1)[..., : self.n]
 
     def step(self, x: ArrayLike, u: ArrayLike, dt_s: float) -> Floats:
-        """Returns the states after up to 20 ms of constant commands, by one Runge-Kutta step of order 4."""
+        """Returns the states after `dt_s` seconds of constant commands, by one Runge-Kutta step of order 4.
+
+        Use steps of at most 20 ms.
+        """
         x = np.asarray(x, float)
         k1 = self.f(x, u)
         k2 = self.f(x + dt_s / 2 * k1, u)
@@ -115,7 +118,10 @@ class Model:
         return x + dt_s / 6 * (k1 + 2 * k2 + 2 * k3 + self.f(x + dt_s * k3, u))
 
     def linearize(self, x: ArrayLike, u: ArrayLike, dt_s: float | None = None) -> tuple[Floats, Floats]:
-        """A (n, n) and B (n, 4) of small deviations: of ẋ = f(x, u), or with `dt_s` of `step`."""
+        """Returns A (n, n) and B (n, 4) for small deviations from x and u, by central differences.
+
+        With `dt_s` they belong to `step`, otherwise to ẋ = f(x, u).
+        """
         x, u = np.asarray(x, float), np.asarray(u, float)
         x_apart, u_apart = APART * np.eye(self.n), APART_COMMAND * np.eye(4)
 
@@ -127,6 +133,6 @@ class Model:
         return a.T, b.T
 
     def _followed(self, u: ArrayLike) -> Floats:
-        """Returns the rotor speeds, rad/s, at which the rotors settle under commands."""
+        """Returns the speeds, in rad/s, at which the rotors settle under motor commands, clipped to 0 to 65535."""
         thrust_n = np.clip(np.asarray(u, float), 0, 65_535) * self._command_n * self._given
         return np.sqrt(thrust_n / self._thrust_n_s2)

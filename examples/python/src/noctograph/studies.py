@@ -30,7 +30,7 @@ Floats = NDArray[np.float64]
 Words = Mapping[str, int] | Sequence[str]
 Progress = Callable[[int, int], Any] | bool
 Controller = Callable[..., Any]
-#: Largest seed, and most flights of a study.
+#: Largest seed, and maximum number of flights of a study.
 MOST_SEED, MOST_FLIGHTS = (1 << 64) - 1, 500_000
 #: Trials of a study: indices of contender and word, and the seed.
 Trials = Sequence[tuple[int, int, int]]
@@ -111,7 +111,7 @@ class _Line:
 
 @contextmanager
 def _bar(progress: Progress, what: str) -> Any:
-    """Returns the caller's progress function, a tqdm bar if that is installed, else a text bar, or none."""
+    """Provides the caller's progress function, a bar of tqdm or, if it is not installed, of text, or None."""
     if callable(progress) or not progress:
         yield progress if callable(progress) else None
         return
@@ -147,7 +147,7 @@ def _takes_time(controller: Controller) -> bool:
 
 
 def _commands(found: Any, shape: tuple[int, ...], hint: str) -> Any:
-    """Returns the motor commands in a controller's answer."""
+    """Returns the motor commands in a controller's answer. Raises an `InputError` if their shape or type is wrong."""
     commands = np.asarray(found)
     if commands.dtype.kind not in "biuf" or commands.shape != shape:
         what = f"{commands.dtype} of shape {commands.shape}"
@@ -156,7 +156,7 @@ def _commands(found: Any, shape: tuple[int, ...], hint: str) -> Any:
 
 
 def _made(controller: Controller, scene: Scene) -> Controller:
-    """Returns a flight's controller, a new one of a class, which gets the scene if its constructor has a `scene`."""
+    """Returns the controller of a flight. A class is instantiated, with the scene if its constructor has a `scene`."""
     if not isinstance(controller, type):
         return controller
     return controller(scene) if "scene" in inspect.signature(controller).parameters else controller()
@@ -171,7 +171,11 @@ def _fly_controlled(
     vectorized: bool,
     show: Callable[[int, int], Any] | None,
 ) -> tuple[dict[str, Any], list[str]]:
-    """Flies a scene with seeds in step, by a controller or estimator of Python: columns of one row, and JSON."""
+    """Flies a scene with all seeds in step, by a controller or estimator of Python.
+
+    Returns the row of the scene in the columns of `Outcomes`, and the outcomes as JSON. Issues the warnings of the
+    flights.
+    """
     n = len(seeds)
     sessions = Sessions(scene, n, conditions, estimator, controller is None)
     sessions.reset(list(seeds))

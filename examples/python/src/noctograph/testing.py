@@ -1,5 +1,4 @@
-"""Golden photographs, flights and verdicts for tests, which a person has approved and new results are compared
-with."""
+"""Golden photographs, flights and verdicts for tests: approved results with which new results are compared."""
 
 from __future__ import annotations
 
@@ -44,9 +43,10 @@ def assert_golden(
     golden : path
         Folder of the golden, with ``golden.json`` and, for a Shot, ``photo.png``. Keep this folder with the tests.
     most_flip : float, optional
-        Of a Shot: the photo may differ by this mean FLIP (0 equal, 1 black for white), and its flights as they like.
-        Another flight of HI in 240 × 135 pixels has 0.11, most of it the sensor's noise, and HO in its place 0.22. By
-        default all digests are compared: the same scene makes the same bytes on every machine.
+        Maximum mean FLIP (0 for equal photos, 1 for black instead of white) between the photo of a Shot and its golden.
+        The digests of its flights are then not compared. At 240 × 135 pixels, another flight of HI has a FLIP of 0.11,
+        mostly by the noise of the sensor, and a flight of HO has 0.22. By default all digests are compared, because the
+        same scene yields the same bytes on every machine.
     failures : path
         Folder for a page with both photographs and their difference if they are not the same.
 
