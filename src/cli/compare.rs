@@ -122,11 +122,10 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report> {
     Ok(Report::with_words(product, &words, layout).with_files(&files))
 }
 
-const LAYOUT: &str = "\
-A         {a.file}
+const LAYOUT: &str = "A         {a.file}
 B         {b.file}
 compared  {part}, {span_s.0:.2} to {span_s.1:.2} s, {samples} samples; B's clock {offset_s:+.3} s
-frame     B is in another frame: turned by {frame.turn_rad*57.29577951308232:+.1}° and shifted by {frame.shift_m.0:+.3}, {frame.shift_m.1:+.3}, {frame.shift_m.2:+.3} m onto A, which leaves {frame.left_m*100:.1} cm
+frame     B is in another frame: rotated by {frame.turn_rad*57.29577951308232:+.1}° and shifted by {frame.shift_m.0:+.3}, {frame.shift_m.1:+.3}, {frame.shift_m.2:+.3} m onto A, which leaves {frame.left_m*100:.1} cm
 
 |errors|RMSE, m<24|x>8|y>8|z>8|in plane>10
 {name}|{m.0:.4}|{m.1:.4}|{m.2:.4}|{in_plane_m:.4}
@@ -183,8 +182,14 @@ fn read(args: &CompareArgs, options: &ComparisonOptions) -> Result<[Flight; 2]> 
         let [of_a, of_b] = [apart_m(&a, &b_stamped), apart_m(&a_stamped, &b)];
         if of_a.min(of_b) * CLEARLY > of_a.max(of_b) || of_a == of_b {
             let actual = "two logs without motors, rates, estimates or setpoints";
-            let hint = "import the drone's log separately with this ratio, and compare the flight";
-            return Err(Error::input("clock_ratio", actual, "one log by the drone", hint));
+            let hint = "import the drone's log separately with this ratio, and compare the \
+                        imported flight";
+            return Err(Error::input(
+                "clock_ratio",
+                actual,
+                "one log that the drone recorded",
+                hint,
+            ));
         }
         of_a < of_b
     };

@@ -47,7 +47,8 @@ pub(super) fn run(
     let mut advice = mean.map_or(Vec::new(), |mean| advice_of(&mean, &scene.vehicle));
     if !rows.is_empty() {
         advice.push(format!(
-            "fly as on this evening: `noctograph preview WORD --spread 20 --conditions {file}`"
+            "to fly under the conditions of this evening: `noctograph preview WORD --spread 20 \
+             --conditions {file}`"
         ));
     }
     // Flawed logs are listed, but do not contribute to the conditions.

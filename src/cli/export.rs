@@ -173,8 +173,8 @@ fn warned(args: &ExportArgs, shoot: &Shoot, checks: &[Diagnostic]) -> Option<Str
         match check.code {
             PICTURE => warn([check.sentence(mentioned)]),
             LED_MEMORY if plays => warn([format!(
-                "the lights would use {} of the LED timing memory, so the script sends them over \
-                 the radio",
+                "the lights would use {} of the LED timing memory, so the script sends the light \
+                 commands over the radio",
                 check.message
             )]),
             _ => {}

@@ -163,8 +163,8 @@ impl ExposeArgs {
         warn(shot.problems.iter().map(|problem| problem.sentence(mentioned)));
         // A light trace contains its own colors and needs no word. It yields no flights.
         if !shot.shoot.scene.has_strokes() && !shot.flights.is_empty() && !self.lit {
-            let note =
-                "the photo contains no word: pass one with --word, or after the photo in `score`";
+            let note = "the photo names no word: pass the word with --word, or after the photo in \
+                 `score`";
             message("note: ", note);
         }
         let mut report = show::camera(&shot);

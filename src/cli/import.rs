@@ -44,7 +44,7 @@ pub(super) struct ImportArgs {
 pub(super) fn run(args: &ImportArgs) -> Result<Report> {
     if args.log.is_dir() && !is_one_log(&args.log)? {
         if let Some(word) = &args.word {
-            let hint = "import the log of the flight that wrote the word separately";
+            let hint = "separately import the log of the flight that wrote the word";
             return Err(Error::input("input", word, "a folder of logs, without a word", hint));
         }
         let output = args.output.as_deref().unwrap_or(Path::new("noctograph-evening"));

@@ -173,11 +173,10 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
     Ok(Report::with_words(product, &words, LAYOUT).with_files(&files))
 }
 
-const LAYOUT: &str = "\
-located   {n_drones} of {n_drones} drones, --observer {observer}
+const LAYOUT: &str = "located   {n_drones} of {n_drones} drones, --observer {observer}
 ranges    {ranges} in {span_s:.1} s
 refused   {refused_frac*100:.1} % of the ranges
-NIS       {nis:.2} (from {nis_interval.0:.2} to {nis_interval.1:.2} where noise and motion are as assumed)
+NIS       {nis:.2} (from {nis_interval.0:.2} to {nis_interval.1:.2} if noise and motion are as assumed)
 sigma     {sigma_median_m*100:.1} cm over three axes (median), {sigma_max_m*100:.1} cm at worst
 *clocks clock     {file}: offset {offset_s:+.3} s
 
@@ -447,7 +446,6 @@ fn room(text: &str) -> std::result::Result<Room, String> {
         low_m: Vector3::new(left, front, bottom),
         high_m: Vector3::new(right, back, top),
     });
-    let wanted = "wanted the lowest and the highest x, y, z in meters, such as \
-                  -2,-2,0,2,2,2.4";
+    let wanted = "wanted the minimum and the maximum x, y, z in meters, such as -2,-2,0,2,2,2.4";
     room.filter(|room| (room.high_m - room.low_m).min() > 0.0).ok_or_else(|| wanted.to_owned())
 }

@@ -116,8 +116,7 @@ const MOST_SPOTS: usize = 20;
 /// Largest distance of a target from saturation in stops.
 const MOST_STOPS: f64 = 30.0;
 
-const LAYOUT: &str = "\
-brightest\t{brightest.name}: {brightest.median_stops:+.1} stops over saturation
+const LAYOUT: &str = "brightest\t{brightest.name}: {brightest.median_stops:+.1} stops over saturation
 set       f/{recommended.f_number} and ISO {recommended.iso}{is_set?, as they are:}: trail {recommended.trail_stops:+.1}, ambient light {recommended.room_stops:+.1~dark} stops[: darker than wanted, {why}][; {help}]
 set       {settings} for {target_stops:+.1} stops
 
@@ -127,14 +126,14 @@ stops over saturation, along the trail
 |trails|lamp<18|lit s>8|median>10|5 %>9|95 %>9|uneven>9|streaks s>11
 {name:.18}|{lit_s:.1}|{median_stops:+.1~dark}|{p5_stops:+.1}|{p95_stops:+.1}|{evenness_stops:.1}|{streak_s:.1}
 
-to put the middle of a lamp's trail at {target_stops:+.1} stops, one of
+to put the median of a lamp's trail at {target_stops:+.1} stops, use one of
 |rows|lamp<18|aperture>10|ISO>10|level times>14
 {name:.18}|f/{advice.f_number:.1}|{advice.iso:.0}|{advice.level_factor:.3}
 
-{any_spots} (two stops over the middle, saturated): the lamp lingers there, or faces the camera
+{any_spots} (two stops above the median, saturated): the lamp lingers there, or faces the camera
 |spots|lamp<18|from s>10|for s>8|at pixel>11|stops>10
 {name:.18}|{time_s:.2}|{duration_s:.2}|{at_px.0:.0},{at_px.1:.0}|{stops:+.1}
-and {more} more (--json has them all)
+and {more} more (--json lists all)
 ";
 
 /// Returns the hot spots above saturation as JSON with the names of their lamps, brightest first. A

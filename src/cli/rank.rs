@@ -20,13 +20,15 @@ use clap::Args;
 use serde_json::json;
 
 #[derive(Debug, Args)]
-#[command(after_help = "Every flight is added to OUTPUT/flights.jsonl at once. To continue an \
-                        interrupted command, repeat it; the results are the same.\n\nSeveral \
-                        machines with a shared folder can each fly a shard. The same command \
-                        without --shard then ranks them. With GNU parallel:\n  seq 40 | parallel --sshlogin a,b noctograph rank team tuned \\\n    --words \
-                        NOOR:9999 --threads 1 --parts parts --shard {}/40\n  noctograph rank team \
-                        tuned --words NOOR:9999 --parts parts\nWith Slurm: sbatch --array=1-40 \
-                        --wrap 'noctograph ... --shard $SLURM_ARRAY_TASK_ID/40'\nWith Dask: \
+#[command(after_help = "Every flight is immediately appended to OUTPUT/flights.jsonl. To \
+                        continue an interrupted command, repeat it. The results are the same as \
+                        without the interruption.\n\nSeveral machines with a shared folder can \
+                        each fly a shard. The same command without --shard then ranks the \
+                        flights of all shards. With GNU parallel:\n  seq 40 | parallel \
+                        --sshlogin a,b noctograph rank team tuned \\\n    --words NOOR:9999 \
+                        --threads 1 --parts parts --shard {}/40\n  noctograph rank team tuned \
+                        --words NOOR:9999 --parts parts\nWith Slurm: sbatch --array=1-40 --wrap \
+                        'noctograph ... --shard $SLURM_ARRAY_TASK_ID/40'\nWith Dask: \
                         examples/dask_rank.py")]
 pub(super) struct RankArgs {
     /// Scenes: files, presets, team, pid, geometric, tuned, or folders (./tuned). With --task,

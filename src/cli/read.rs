@@ -92,7 +92,7 @@ pub(super) fn read_upright(photo: Photo, word: &str) -> (Photo, Reading) {
     }
     let way_up = ["on its side", "upside down", "on its side"][quarters - 1];
     let angle_deg = QUARTER_DEG * quarters;
-    let text = format!("the writing is {way_up}: the photo is turned clockwise by {angle_deg}°");
+    let text = format!("the writing is {way_up}: the photo is rotated clockwise by {angle_deg}°");
     message("note: ", &text);
     (quarter_turned(&photo, quarters), reading)
 }

@@ -164,8 +164,8 @@ fn check_strokes(strokes: &Strokes, of_photo: Option<&str>, file: String) -> Res
         return Ok(());
     };
     let actual = "a font or drawing with other strokes";
-    let hint = "find the font or drawing that the photo was made with";
-    Err(Error::input(file, actual, format!("the strokes of digest {digest}"), hint))
+    let hint = "find the font or drawing with which the photo was made";
+    Err(Error::input(file, actual, format!("strokes with the digest {digest}"), hint))
 }
 
 /// Returns the first key of the photo's scene that names a file and was not typed.
@@ -179,7 +179,7 @@ fn distrust(args: &ScoreArgs, scene: &mut Scene, file: &str) -> Result<()> {
     scene.photo.background.clear();
     let Some(key) = foreign_file(args, scene) else { return Ok(()) };
     let hint = "pass a scene with --scene, or trust the photo's scene if you know who made it";
-    let wanted = "a font that comes with the program, because a photo may name any file";
+    let wanted = "a built-in font, because a photo may name any file";
     Err(Error::input(key, "the path of a file", wanted, hint).in_file(file, None))
 }
 
@@ -190,7 +190,7 @@ fn check_flights(args: &ScoreArgs, flights: &[Flight], shown: Option<&str>) -> R
         let digest = flight.sha256();
         if !shown.split(' ').any(|known| known == digest) {
             let hint = "name the flight that was exposed in this photo";
-            let actual = format!("a flight of digest {digest}");
+            let actual = format!("a flight with the digest {digest}");
             let wanted = format!("the flight that the photo shows, {shown}");
             return Err(Error::input(path.display(), actual, wanted, hint));
         }

@@ -99,7 +99,7 @@ fn serve(args: &ServeArgs, program: Program) -> Result<()> {
         flights: args.flights.clone(),
     };
     if args.module.is_some() && !is_whole {
-        warn(["the scene uses files on this machine, so photos are made here instead of by \
+        warn(["the scene uses files on this machine, so the server makes all photos and ignores \
                --module"]);
     }
     noctograph_serve::serve(config, program, |addresses| announce(args, addresses, has_room))
@@ -166,10 +166,10 @@ fn table(args: &ServeArgs, page: &str, addresses: &Addresses, has_room: bool) ->
             text += &line("kiosk", kiosk);
         }
         text += &line("network", visitors);
-        text += &line("", "anyone who has this address may write, draw and send");
+        text += &line("", "anyone who has this address may write, draw and send entries");
         if !has_room {
-            let hint = "not known, so the scripts' fence is a guess: name a scene with a room by \
-                        --scene, such as `preview WORD --room WxDxH` writes";
+            let hint = "not known, so the scripts' fence is a guess: pass a scene with a room as \
+                        --scene, such as the one that `preview WORD --room WxDxH` writes";
             text += &line("room", hint);
         }
     }
@@ -196,6 +196,6 @@ fn open(address: &str) {
     let mut command = Command::new(opener);
     let quiet = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
     if quiet.arg(address).spawn().is_err() {
-        message("note: ", &format!("no {opener} here: open the address in a browser"));
+        message("note: ", &format!("{opener} is not installed: open the address in a browser"));
     }
 }

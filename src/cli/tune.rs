@@ -155,7 +155,7 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
 
 /// Returns comment lines that describe the tuned scene's origin, for the top of its file.
 fn origin(args: &TuneArgs, tuned: &Tuned) -> String {
-    let what = if tuned.helped() { "Tuned from" } else { "Found nothing better than" };
+    let what = if tuned.helped() { "Tuned from" } else { "No improvement found on" };
     format!(
         "# {what} `{}` by noctograph {}: {} candidates in {} flights, seed {}.\n# In the finals, \
          P(read) was {:.3} for the best candidate and {:.3} for the original scene.\n",

@@ -201,7 +201,7 @@ fn refused(part: &str, font: &Font, n_before: usize, unset: Unset) -> Error {
             place,
             "{n} consecutive letters that touch each other",
             "fewer letters: touching ones form one outline of at most {MAX_POINTS} points",
-            "put a space or a line end between the letters",
+            "put a space or a line break between the letters",
         ),
     }
 }
@@ -212,11 +212,15 @@ fn missing(part: &str, font: &Font, position: usize, letter: char) -> Error {
     let single_line = Font::open(SINGLE_LINE, Trace::CenterLine).ok();
     let hint = if is_shaped(part) {
         format!(
-            "name a typeface for this script in letters.fallback, since {} has none",
+            "name a typeface for this script in letters.fallback, because {} has no letters of \
+             the script",
             font.name()
         )
     } else if single_line.is_some_and(|font| font.face.shape(letter).is_some()) {
-        format!("choose {SINGLE_LINE}, which has this letter, or add it to letters.fallback")
+        format!(
+            "choose {SINGLE_LINE}, which contains this letter, or add that font to \
+                 letters.fallback"
+        )
     } else {
         "add a typeface with this letter to letters.fallback, such as a Noto font".to_owned()
     };

@@ -185,7 +185,7 @@ impl CameraOptions {
         if distance_m.is_finite() && distance_m > 0.0 {
             return Ok(distance_m);
         }
-        let hint = "write something, or set camera.framing to fixed";
+        let hint = "name a word, or set camera.framing to fixed";
         let wanted = "a word in front of which the camera can be placed";
         Err(Error::input("camera.framing", "nothing written", wanted, hint))
     }

@@ -423,7 +423,7 @@ fn zeros_of_a_body_that_was_lost_are_no_positions() {
         if lost(t) { format!("{t:.2},0,0,0") } else { format!("{t:.2},{},{y},{z}", x + 0.5) }
     });
     let flight = read(text.as_bytes());
-    says(&flight, "are 0, 0, 0, where the drone would have jumped");
+    says(&flight, "are 0, 0, 0, which the drone could only have reached");
     assert!(flight.samples.iter().all(|s| s.position_m.x > 0.4), "{}", said(&flight));
     assert!((flight.samples.last().unwrap().time_s - 11.5).abs() < 0.11, "the tail is left out");
 }

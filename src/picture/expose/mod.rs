@@ -207,7 +207,7 @@ impl Latent {
         film::check_scale(scale_log2)?;
         if scale_log2 < self.scale_log2 {
             return Err(Error::infeasible(
-                format!("counts of 2^{scale_log2} lx s would overflow on this light"),
+                format!("counts of 2^{scale_log2} lx s would overflow with this light"),
                 format!("choose a scale of 2^{} lx s or more", self.scale_log2),
             ));
         }

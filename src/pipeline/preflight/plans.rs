@@ -243,7 +243,7 @@ fn acceleration(plan: &Plan, profile: &Profile) -> Diagnostic {
         if is_planned {
             format!("{value:.2} m/s²{when}")
         } else {
-            format!("setpoints change velocity by up to {value:.1} m/s²{when}")
+            format!("the velocity of the setpoints changes by up to {value:.1} m/s²{when}")
         },
         format!("up to {most} m/s²"),
         if is_planned {
@@ -286,8 +286,9 @@ pub fn longer_than_battery(shoot: &Shoot) -> Option<Diagnostic> {
     let hovers_s = hovers_s(&shoot.scene)?;
     let longest_s = shoot.plans.iter().map(|it| air_s(&it.plan)).fold(0.0, f64::max);
     let message = format!(
-        "the plan is in the air for {longest_s:.0} s, and the battery can hover for {hovers_s:.0} s: \
-         write fewer letters, or set plan.drones=2 or a shorter plan.style.hover_s"
+        "the plan is in the air for {longest_s:.0} s, but the battery can hover for only \
+         {hovers_s:.0} s: write fewer letters, or set plan.drones=2 or a shorter \
+         plan.style.hover_s"
     );
     (longest_s > hovers_s).then(|| Diagnostic::warning("battery-short", message))
 }

@@ -69,7 +69,7 @@ pub fn acuity_sheet(
         let Estimate { value, low, high } = limit.cap_height_m;
         let [value, low, high] = [value, low, high].map(|height_m| 1e3 * height_m);
         let title =
-            format!("{}: reads down to {value:.1} mm ({low:.1} to {high:.1})", limit.contender);
+            format!("{}: legible down to {value:.1} mm ({low:.1} to {high:.1})", limit.contender);
         let mut photos = Vec::new();
         // The photo shows the contender's first flight at each rung. A lost drone has no photo.
         let rungs = ladder.iter().zip(prepared).zip(limit.rungs.iter().zip(records));
