@@ -26,8 +26,8 @@ pub(super) struct CompareArgs {
     /// Part of both flights to compare
     #[arg(long, value_name = "PART", default_value = "airborne", value_parser = named::<Part>())]
     part: Part,
-    /// Curve by which B's clock is aligned, which is the setpoints (design), or the flown path if
-    /// the log's plan sends setpoints ahead (plan.reference = "inverse")
+    /// Curve by which B's clock is aligned: the setpoints (design), or the flown path if the log's
+    /// plan sends setpoints ahead of time (plan.reference = "inverse")
     #[arg(long, value_name = "BY", default_value = "design", value_parser = ["design", "flown"])]
     align: String,
     /// Seconds to add to B's clock, in place of --align

@@ -34,8 +34,9 @@ pub(super) struct ExportArgs {
     /// polynomials]
     #[arg(long, value_name = "MM")]
     tolerance: Option<f64>,
-    /// Setpoints that the cflib script sends, unless it is itself started with --mode [default:
-    /// those that `check` simulates, full states for controllers that follow the design's motion]
+    /// Setpoints that the cflib script sends, unless the script is started with another --mode
+    /// [default: those that `check` simulates, full states for controllers that follow the design's
+    /// motion]
     #[arg(long, value_name = "NAME", value_parser = named::<Mode>())]
     mode: Option<Mode>,
     #[command(flatten)]

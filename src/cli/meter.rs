@@ -26,7 +26,7 @@ pub(super) struct MeterArgs {
     flights: FlightFlags,
     #[command(flatten)]
     picture: PictureFlags,
-    /// Desired exposure of the middle of the trail, in stops over saturation [default: that of the
+    /// Desired exposure at the median of the trail, in stops over saturation [default: that of the
     /// exposure that `preview` sets]
     #[arg(long, value_name = "STOPS", allow_negative_numbers = true)]
     target_stops: Option<f64>,

@@ -35,8 +35,8 @@ pub(super) struct RankArgs {
     /// these are submissions, as files or folders
     #[arg(required = true, value_name = "SCENE")]
     scenes: Vec<String>,
-    /// Task for grading. This scene is flown with those keys of each submission, a scene or a few
-    /// keys, that --may allows. A submission that changes other keys is refused
+    /// Scene of a task for grading, which is flown with those keys of each submission that --may
+    /// allows. A submission that changes other keys is refused
     #[arg(long, value_name = "SCENE")]
     task: Option<String>,
     /// Key, or all keys of a table, that a submission may change (may be repeated). Keys that name
@@ -46,8 +46,8 @@ pub(super) struct RankArgs {
     may: Vec<String>,
     #[command(flatten)]
     study: StudyFlags,
-    /// Fly only a part of the flights, such as 3/20 for part 3 of 20, into the folder of --parts,
-    /// unless the part exists, and do not rank
+    /// Fly only one part of the flights, such as 3/20 for part 3 of 20, and do not rank. The part
+    /// is written into the folder of --parts, unless it exists there
     #[arg(long, value_name = "I/N", requires = "parts")]
     shard: Option<String>,
     /// Folder of the shards, whose flights are not flown again

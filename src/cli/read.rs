@@ -18,7 +18,7 @@ use serde_json::json;
 
 #[derive(Debug, Args)]
 pub(super) struct ReadArgs {
-    /// Photo to read (PNG or JPEG), a render or a picture from a camera
+    /// Photo to read (PNG or JPEG): a render, or a picture from a camera
     photo: PathBuf,
     /// Corners of the line of writing in the photo, in pixels, clockwise from the upper left, for a
     /// photo taken at an angle

@@ -25,7 +25,7 @@ use clap::Args;
 
 #[derive(Debug, Args)]
 pub(super) struct ScoreArgs {
-    /// Photo to judge (PNG or JPEG), a render or a picture from a camera
+    /// Photo to judge (PNG or JPEG): a render, or a picture from a camera
     photo: PathBuf,
     /// Expected word [default: the scene's]
     word: Option<String>,
@@ -48,8 +48,8 @@ pub(super) struct ScoreArgs {
     flight: Vec<PathBuf>,
     #[command(flatten)]
     flights: FlightFlags,
-    /// Open the font or drawing that the photo's scene names, relative to the photo's folder. Only
-    /// use this for photos from authors that you trust
+    /// Open the font or drawing that the photo's scene names, relative to the photo's folder. Use
+    /// this only for photos from authors whom you trust
     #[arg(long)]
     trust: bool,
     /// Picture to write, PNG or SVG: the photo with intended strokes (green), missing ones (pink),

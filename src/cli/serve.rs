@@ -25,14 +25,14 @@ pub(super) struct ServeArgs {
     /// Scene that the page's controls show at the start
     #[arg(long, value_name = "SCENE")]
     scene: Option<String>,
-    /// Port, or 0 for the port that the gallery stores or else a free port
+    /// Port, or 0 for the port stored in the gallery, or else a free port
     #[arg(long, value_name = "N", default_value_t = 0)]
     port: u16,
     /// Folder that stores the address and the visitors' entries [default: none, so that both are
     /// lost when the program ends]
     #[arg(long, value_name = "DIR")]
     gallery: Option<PathBuf>,
-    /// Also serve the local network. Anyone who has the address may write, draw and send
+    /// Also serve the local network. Anyone who has the address may write, draw and send entries
     #[arg(long)]
     network: bool,
     /// Print the address of a page for a screen in a hall, which has no settings or downloads, and
@@ -45,7 +45,7 @@ pub(super) struct ServeArgs {
     /// Folder with the host's title and sentences (brand.toml) and logo (logo.svg)
     #[arg(long, value_name = "DIR")]
     brand: Option<PathBuf>,
-    /// Folder of the scripts that fly and of their logs, whose light the wall shows during the
+    /// Folder in which scripts write their logs. The wall shows the light of these logs during the
     /// flight
     #[arg(long, value_name = "DIR")]
     flights: Option<PathBuf>,

@@ -32,7 +32,7 @@ pub(super) struct StudyFlags {
     /// per line
     #[arg(long, value_name = "WORD[:N],...", value_delimiter = ',', default_value = "NOOR")]
     words: Vec<String>,
-    /// Number of seeds of each word [default: rank 50, or 100 with --task, tune 6]
+    /// Number of seeds per word [default: rank 50, or 100 with --task, tune 6]
     #[arg(long, value_name = "N")]
     seeds: Option<u32>,
     /// Seed from which the seeds of all flights are derived. A seed of 2^32 or above cannot be

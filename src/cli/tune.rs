@@ -44,7 +44,7 @@ pub(super) struct TuneArgs {
     /// Scene key to tune (may be repeated) [default: the usual keys of its controller]
     #[arg(long, value_name = "KEY=...")]
     knob: Vec<String>,
-    /// Longest allowed flight, in seconds [default: that of the scene]
+    /// Maximum duration of a flight, in seconds [default: that of the scene]
     #[arg(long, value_name = "S")]
     longest: Option<f64>,
     /// Cap height in meters, with which the other lengths of the letters are scaled
