@@ -192,7 +192,7 @@ fn refused(part: &str, font: &Font, n_before: usize, unset: Unset) -> Error {
         }
         Unset::Unshaped(_) => input_error!(
             place,
-            "a word that the rules of {name} expand without end",
+            "a word that the substitution rules of {name} expand endlessly",
             "a word of finite length",
             "use another font, or a shorter sequence of its letters",
         ),

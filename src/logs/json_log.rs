@@ -416,7 +416,7 @@ impl<'a> Reader<'a> {
         let (n_time, n_data) = (time_s.len(), values.len());
         if n_time != n_data {
             let text = format!(
-                "{name}: {n_time} times for {n_data} values, of which the longer list is cut"
+                "{name}: {n_time} times for {n_data} values: the longer list is cut"
             );
             self.log.warn("lists-unequal", text);
         }

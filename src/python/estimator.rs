@@ -89,7 +89,7 @@ fn call_update(
     let state =
         numbers(update.bind(py).call1((reading_by_name, tick_s))?.as_any(), "estimator", 1)?;
     let not_finite = state.iter().enumerate().find(|(_, value)| !value.is_finite());
-    let not_finite = not_finite.map(|(index, value)| format!("{value} for state {index}"));
+    let not_finite = not_finite.map(|(index, value)| format!("{value} as state {index}"));
     let actual = match (not_finite, state.try_into()) {
         (None, Ok(state)) => return Ok(state),
         (Some(not_finite), _) => not_finite,

@@ -295,7 +295,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
                 && tag == "path"
                 && svgtypes::PathParser::from(value).any(|part| part.is_err()) =>
             {
-                ("incomplete path data".into(), "drawn up to there")
+                ("incomplete path data".into(), "drawn up to the error")
             }
             "pathLength"
                 if node

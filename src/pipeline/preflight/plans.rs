@@ -185,7 +185,8 @@ fn speed(plan: &Plan, profile: &Profile) -> Diagnostic {
                 100.0 * mismatch_frac
             ),
             format!("velocities that agree with the positions, up to {most_m_s} m/s"),
-            "plan the flight again, because times, positions and velocities are of different flights",
+            "plan the flight again, because its times, positions and velocities belong to \
+             different flights",
         );
     }
     // Positions in a file are rounded, so their tolerance is larger.
