@@ -27,8 +27,8 @@ settings! {
         ambient_from_m: Option<[f64; 3]> = None, in -1e3..=1e3;
         /// Photograph (PNG or JPEG) of the room without the flight, which replaces the room's
         /// light. The photograph is cropped to the photo's aspect ratio. A photograph taken at the
-        /// same exposure keeps its brightness. In each channel, the photograph's brightness serves as
-        /// the relative albedo of floor and walls (`expose.room_m`). Empty for none.
+        /// same exposure keeps its brightness. In each channel, the photograph's brightness serves
+        /// as the relative albedo of floor and walls (`expose.room_m`). Empty for none.
         background: String = String::new();
         /// Noise of the sensor.
         noise: Noise = Noise::default();
