@@ -246,7 +246,7 @@ fn align_logs(logs: &mut [Dated<'_>], samples: &mut [Vec<RangeSample>]) -> Resul
     // Every log must use the same clock as the first one.
     let Some((first, others)) = logs.split_first_mut() else { return Ok(()) };
     for log in others {
-        let wanted = format!("timestamps in common with those of {}", first.path.display());
+        let wanted = format!("timestamps that overlap with those of {}", first.path.display());
         let hint = "record all logs with one clock, or locate drones without ranges between them \
                     one by one";
         log.offset_s = log
@@ -274,7 +274,7 @@ fn align_references(
         let (after_s, typed_s) = (reference.after_s(log), typed_s.get(drone));
         if after_s.is_none() && typed_s.is_none() {
             let hint = "give the seconds between the two clocks with --offset";
-            let wanted = "timestamps in common with those of the log";
+            let wanted = "timestamps that overlap with those of the log";
             return Err(Error::input(reference.path.display(), "another clock", wanted, hint));
         }
         reference.offset_s = log.offset_s + after_s.unwrap_or(0.0) + typed_s.unwrap_or(&0.0);

@@ -85,7 +85,7 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
     let aperture = advice.filter(|_| !has_fixed_aperture).map(|it| format!("f/{:.1}", it.f_number));
     let iso = advice.and_then(|it| it.iso).map(|iso| format!("ISO {iso:.0}"));
     let settings: Vec<String> = aperture.into_iter().chain(iso).collect();
-    let filter = "a neutral filter".to_owned();
+    let filter = "a neutral-density filter".to_owned();
     let settings = advice.map(|_| if settings.is_empty() { filter } else { settings.join(" or ") });
     let spots = hot_spots(&rows);
     let rows = described(&rows);
