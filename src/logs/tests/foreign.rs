@@ -265,7 +265,7 @@ fn other_files_are_refused_with_what_converts_them() {
         (b"\x02\x50\x0b\x00", "motion capture"),
         (b"H Product:Blackbox flight data recorder by Nicholas Sherlock\n", "log the position"),
         (b"LabVIEW Measurement\t\nWriter_Version\t2\n***End_of_Header***\t\n", "the table"),
-        (b"% program   : RTKLIB 2.4.3\n%  GPST  latitude(deg)\n", "east, north and up"),
+        (b"% program   : RTKLIB 2.4.3\n%  GPST  latitude(deg)\n", "east, north, up"),
         (b"$GPGGA,110000.00,4722.2,N,00832.4,E,1,12,0.7,400,M,,M,,*5B\n", "east, north"),
     ];
     for (bytes, program) in cases {
