@@ -1134,7 +1134,7 @@ def options(parser):
                         default=DATA["mode"], help="setpoints to send (default: %(default)s)")
     parser.add_argument("--controller", type=int, default=DATA["controller"], metavar="N",
                         help="stabilizer.controller: 1 PID, 2 Mellinger, 5 Lee, or the number of "
-                             "your own in your firmware (default: %(default)s)")
+                             "a custom controller in the firmware (default: %(default)s)")
     parser.add_argument("--set-gains", action="store_true",
                         help="set the checked gains, and restore the drone's own after landing")
     parser.add_argument("--accept", action="append", default=[], metavar="WHAT",
