@@ -104,7 +104,8 @@ fn print_out(rows: &[String], [rose, fell, silent]: [usize; 3]) {
     println!("|---|---|---|---|---|---|");
     rows.iter().for_each(|row| println!("{row}"));
     println!(
-        "\n{} scenes: rose in {rose}, fell in {fell}, no advice in {silent} that are illegible.",
+        "\n{} scenes: the readability rose in {rose} and fell in {fell}. {silent} illegible \
+         scenes received no advice.",
         rows.len()
     );
 }

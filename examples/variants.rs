@@ -167,6 +167,6 @@ fn main() -> Outcome<()> {
         sums.iter_mut().zip(counts).for_each(|(sum, count)| *sum += count);
         println!("{name}\t{}/{}\t{counts:?}\t{}", base.0, base.2, others.join(" "));
     }
-    println!("told same, right, legible, blind same, right, of\t{sums:?}");
+    println!("with the word: same, right, legible; blind: same, right; total\t{sums:?}");
     Ok(())
 }

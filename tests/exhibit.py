@@ -349,7 +349,7 @@ def the_reason_of_not_legible_is_said(hall):
     assert page.inner_text("#send") == "Send it as it is"
     # The page names the letter that may be misread and its rival, and marks the letter in the
     # photograph.
-    for word, reason, rival, want in [("LEO", "unsure", "LEC", "The O could be C."), ("I", "unsure", "l", "A line alone could be I, l or 1."),
+    for word, reason, rival, want in [("LEO", "unsure", "LEC", "The O could be C."), ("I", "unsure", "l", "A single line could be I, l or 1."),
                                       ("RNA", "other_length", "MA", "It could be read as MA."), ("HAUS", "misread", "MAUS", "The H could be M.")]:
         page.unroute("**/live"), page.unroute("**/photos")
         judged_as(page, legible=False, readability=0.5, reason=reason, rival={"word": rival, "p": 0.4},
@@ -390,7 +390,7 @@ def what_only_directs_a_text_is_in_no_title(hall):
             said = write(page, "\u202eLO\u00a0\u200dHI\u200b\u2066")
             assert "LO HI" in said or "could" in said, said
             send(page)
-            assert page.inner_text("#sent h2") == "LO HI is sent.", page.inner_text("#sent h2")
+            assert page.inner_text("#sent h2") == "LO HI has been sent.", page.inner_text("#sent h2")
             entry = next(Path(gallery).glob("0*/entry.json"))
             assert json.loads(entry.read_text())["title"] == "LO HI", entry.read_text()
             assert not trouble, trouble
@@ -409,7 +409,7 @@ def what_another_version_kept_is_left_out_and_it_is_said(hall):
         page.reload()
         ready(page)
         said = shown(page)
-        assert said.startswith("Reads as NOOR.") and "is of another version. Its settings were left out" in said, (kept_state, said)
+        assert said.startswith("Reads as NOOR.") and "from another version. Some of" in said, (kept_state, said)
         until(page, "JSON.parse(sessionStorage.noctograph).word === 'NOOR'")
         if "settings" in kept_state:
             assert kept(page)["settings"] == {"letters.cap_height_m": "0.6"}, "what is known stays"
@@ -939,7 +939,7 @@ def what_an_export_refuses_is_named(hall):
                 host.click("#export")
             host.wait_for_selector("#sheet[open]")
             said = host.inner_text("#sheet")
-            assert "1: It is not safe to fly. People stand too near." in said, said
+            assert "1: It is not safe to fly. People are too close." in said, said
         finally:
             server.kill()
 

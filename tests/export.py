@@ -384,9 +384,9 @@ class Main(unittest.TestCase):
             part.time = clock
 
         def pressed(prompt):
-            if "Enter puts the lamps back" in prompt:
+            if "Enter to restore the lamps" in prompt:
                 return ""
-            self.assertIn("Enter takes off", prompt)
+            self.assertIn("Press Enter to take off", prompt)
             for radio in radios:
                 self.assertEqual(radio.sent, [], "nothing is sent before the key")
                 names = {name for _, name, _ in radio.params}

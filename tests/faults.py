@@ -453,15 +453,15 @@ class Faults(unittest.TestCase):
             "Ctrl-C": (interrupt, ""), "battery empty": (empty, "battery"),
             "battery low": (low, "battery"), "position unsure": (unsure, "position"),
             "estimator drifts": (drifts, "from its target"), "outside the fence": (outside, "fence"),
-            "no log": (silent, "reports nothing"),
+            "no log": (silent, "does not send log data"),
             "signal": (lambda flight: flight.drone.stopped.set(), "Ctrl-C"),
         }
         script = load("I.py")
         for block in (*script.WATCH, *script.LOG):
-            in_the_air[f"log block {block} silent"] = (block_silent(block), f"nothing of {block}")
+            in_the_air[f"log block {block} silent"] = (block_silent(block), f"log data: {block}")
         for name in ("stateEstimate.x", "stateEstimate.z", "stateEstimate.yaw", "kalman.varPX",
                      "kalman.varPY", "kalman.varPZ", "pm.vbat", "ctrltarget.z"):
-            in_the_air[f"{name} no number"] = (no_number(name), "no number")
+            in_the_air[f"{name} no number"] = (no_number(name), "not a number")
         cuts = {"tumbled": (bit(5), "tumbled"), "crashed": (bit(7), "crashed: it falls"),
                 "locked": (bit(6), "locked: it falls"), "deck": (bit(11), "fault: it falls")}
         for name, mode in (("I.py", "position"), ("I_trajectory.py", "trajectory")):
@@ -577,7 +577,7 @@ class Faults(unittest.TestCase):
             flight = Flight(on_ground=on_ground)
             self.assertEqual((flight.error, flight.outcome), (None, LANDED), why)
             self.assertEqual(flight.radio.sent, sound.radio.sent, "the same packets at the same times")
-            self.assertRegex(flight.printed, f"could not be kept as they came: .*{why}")
+            self.assertRegex(flight.printed, f"could not be stored during the flight: .*{why}")
             [path] = re.findall("log: (.*)", flight.printed)
             self.assertEqual(path.startswith(WORK), why != "the disk hangs", "elsewhere, if this one hangs")
             with open(path, encoding="utf-8") as file:
@@ -679,7 +679,7 @@ class Faults(unittest.TestCase):
                 script.opened(links_opened, "radio://0/80/2M/E7E7E7E7E7")
         self.assertEqual(said.getvalue(), "")
         self.assertEqual(len(str(ended.exception).splitlines()), 1, ended.exception)
-        self.assertIn("Cannot find a Crazyradio Dongle: plug it in", str(ended.exception))
+        self.assertIn("Cannot find a Crazyradio Dongle: plug the radio in", str(ended.exception))
 
     def test_signals_land_and_the_second_one_stops(self):
         script, before, clock = load("I.py"), signal.getsignal(signal.SIGTERM), Clock()

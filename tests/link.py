@@ -243,7 +243,7 @@ class WholeScript(unittest.TestCase):
             link.die(1.5)
 
         script, radio, said, prompts = self.flown("I_trajectory.py", 2.0, dies_at_half_a_meter)
-        self.assertIn("it was found again to land", said)
+        self.assertIn("reconnected to the drone, which lands", said)
         self.assertEqual((radio.body.outcome(), radio.body.cut_by), ("landed", "the end of a landing"), said)
         self.assertEqual((len(FakeLink.opened), len(prompts)), (2, 1))
         self.assertTrue(radio.upload.startswith(bytes.fromhex(script.DATA["trajectory"]["hex"])[8:20], 8))

@@ -75,7 +75,7 @@ def heard_landing(d):
 def conditions(d, before):
     """True if the conditions before a sentence are not met, so that the sentence claims nothing."""
     end = before[before.rfind("if "):] if before.endswith(", ") else ""
-    return "taken off" in end and stayed(d, "") or "not heard the landing" in end and heard_landing(d)
+    return "taken off" in end and stayed(d, "") or "not received the landing" in end and heard_landing(d)
 
 
 def levels_and_falls(d, before):
@@ -110,49 +110,48 @@ def written(d, before):
 # Texts of tables, questions and advice before the start, when the drone is on the floor.
 FLOOR = """the trajectory could not be uploaded|this drone has no LED-ring deck|the lights could not be uploaded|
 parameters could not be set|no answer|… or newer|clock on board|measured at take-off|known or measured|
-deck for …|names in the firmware|without …|… … for …| and … more|as checked|as checked, or --set-gains|nothing of …|
-packets of the drone|can fly|cannot fly|position known within|nose, left of x|roll, pitch|up to …°|
-a larger one|battery at rest|…: …, wanted …|the drone does not arm|the firmware has no …|
-the drone reports no position|… is no place: three numbers in meters are wanted|x read (wanted)|
-error: cflib … or newer is needed: pip install cflib|: plug it in, and see that nothing else uses it|
+deck for …|names in the firmware|without …|… … instead of …| and … more|as checked|as checked, or --set-gains|no log data: …|
+log data of the drone|can fly|cannot fly|position known within|nose, left of x|roll, pitch|up to …°|
+a larger battery|battery at rest|…: …, wanted …|the drone does not arm|the firmware has no …|
+the drone reports no position|… is not a position: wanted three numbers in meters|x measured (wanted)|
+error: cflib … or newer is needed: pip install cflib|: plug the radio in, and close other programs that use it|
 error: cflib … is too old, … or newer is needed: pip install --upgrade cflib|no link to …: ……|
-the parameters of … could not be read|error: no key can be pressed here: start it in a terminal|
-another drone did not start|the drone has not taken off|heading on board|… or newer, which reads it|
+the parameters of … could not be read|error: keys cannot be pressed here: start the script in a terminal|
+another drone did not start|the drone has not taken off|heading on board|
 update the firmware with cfclient, or fly --mode position or full-state|
-export for this drone: --scene cf21 or cf-brushless|update it with cfclient|carry it there|turn it|
-fly the release for which this was made|set it upright; switch it off and on again|put it on a level place|
-export with the drone's gains, or fly with --set-gains, which puts them back later|
-is the positioning system on, and its geometry on the drone?|is the radio too far away?|
-charge it: the flight would take it below the firmware's low voltage|
+export for this drone: --scene cf21 or cf-brushless|update it with cfclient|carry the drone to the start of the plan|turn the drone|
+install the firmware release for which this script was exported|set the drone upright, and switch it off and on again|put the drone on level ground|
+export with the drone's gains, or fly with --set-gains, which restores them later|
+is the positioning system on, and is its geometry on the drone?|is the radio too far away?|
+charge it, because the flight would drain it below the firmware's low-battery voltage|
 the geometry is off by more than … cm: estimate it again, with the origin in the middle of the room's floor|
-Corner … of 4: the drone at (…) m, nose as in the flight? Enter reads; or type where it stands instead, as x, y, z: |
-The origin is where the positioning says; the flight was checked without a room.|
-The flight was checked in a room of … x … x … m. The origin of the positioning is the middle of its floor, … m from \
-the walls at left and right and … m from those in front and behind; x to the right of the photographer.|
-Is that so, the shutter ready, everyone behind the net? Enter takes off, Ctrl-C ends. |
-Is that so, and are … drones ready? Enter takes off, Ctrl-C ends. """
+Corner … of 4: hold the drone at (…) m, with the nose as in the flight, and press Enter, or type its actual position as x, y, z: |
+The flight was checked without a room. The origin is that of the positioning system.|
+The flight was checked in a room of … x … x … m. The origin of the positioning system must be the middle of the floor, … m from the left and right walls and … m from the front and back walls, with x to the right of the photographer.|
+Is this correct, is the shutter ready, and is everyone behind the net? Press Enter to take off, or Ctrl-C to exit. |
+Is this correct, and are … drones ready? Press Enter to take off, or Ctrl-C to exit. """
 
 # Prefixes, names of attempted actions, and headings, which are true if the text after them is.
-PARTS = """putting … back|waiting for what was put back|ending a log block|writing the log|writing it elsewhere|the disk hangs|
-stopping the motors|handing over|seeking a new link|asking the drone|a closed window|if …, |it has taken off|it has not heard the landing|
+PARTS = """restoring …|waiting for the restored parameters|ending a log block|writing the log|writing the log to another folder|the disk hangs|
+stopping the motors|handing over|opening a new link|querying the drone|a closed window|if …, |it has taken off|it has not received the landing command|
 error: …|another drone"""
 
 TRUE = {
     "stopped by Ctrl-C": lambda d, before: d.pressed,
     "stopped by …": lambda d, before: d.pressed,
     "the radio link was lost": was_lost,
-    "nothing is heard of the drone. …": was_lost,
-    "no new link in … s: …": was_lost,
+    "the drone does not respond. …": was_lost,
+    "no new link within … s: …": was_lost,
     "… failed: …": something_failed,
     "the log of this flight is lost": lambda d, before: d.log_named is None,
     "log: …": is_whole,
-    "the samples could not be kept as they came: …": lambda d, before: d.failed,
+    "the samples could not be stored during the flight: …": lambda d, before: d.failed,
     "the firmware has stopped the motors, ……": has_fault,
     "the firmware stopped the motors, …": has_fault,
     ": it falls": falls,
-    "the drone reports nothing of ": lambda d, before: was_lost(d, "") or any(
+    "the drone does not send log data: ": lambda d, before: was_lost(d, "") or any(
         not block.on for radio in d.radios for block in radio.blocks),
-    "what the drone reports is no number": lambda d, before: any(
+    "the drone reports a value that is not a number": lambda d, before: any(
         value != value for radio in d.radios for value in radio.values.values()),
     "the battery is empty": reads(lambda volts, limits: volts < limits["critical_v"], "pm.vbat"),
     "the battery is low": reads(lambda volts, limits: volts < limits["low_v"], "pm.vbat"),
@@ -161,27 +160,26 @@ TRUE = {
     "the drone is outside its fence": lambda d, before: any(map(any, (radio.drift for radio in d.radios))),
     "the drone is far from its target": lambda d, before: any(map(any, (radio.drift for radio in d.radios))),
     "the clock on board could not be measured: no targets in the log": something_failed,
-    "the clock on board runs at … of true time: no firmware is known to": lambda d, before: min(
+    "the clock on board runs at … of true time, unlike that of any known firmware": lambda d, before: min(
         abs(d.body.clock_rate - rate) for rate in (1.0, 84 / 85)) > 0.003,
     "the word is written": written,
-    "nothing was started, the drone stands on the floor, maybe armed: where propellers turn, the firmware stops them "
-    "after 30 s. Switch it off before you touch it": stayed,
-    "it was found again to land": lambda d, before: (
+    "no flight was started: the drone is on the floor, and may be armed. If its propellers turn, the firmware stops them after 30 s. Switch the drone off before you touch it": stayed,
+    "reconnected to the drone, which lands": lambda d, before: (
         bool(d.body.landings) and not d.outcome.startswith("falls")),
-    "the firmware levels the drone out after 0.5 s and stops its motors after 2 s: it falls": levels_and_falls,
+    "the firmware levels the drone out after 0.5 s and stops its motors after 2 s, so that it falls": levels_and_falls,
     "the drone flies to the end of its trajectory, hovers for 3 s and lands by itself, and 2 s later the firmware "
     "stops its motors and locks it": flies_to_its_end,
-    "Stay behind the net until the propellers stand still; should they not, wait until the battery is empty": was_lost,
+    "Stay behind the net until the propellers stand still. If they do not stop, wait until the battery is empty": was_lost,
     "motors stopped": is_off,
-    "nothing is heard of the drone, maybe not the stop of its motors either. …": was_lost,
-    "the link was lost as it came down: it heard the landing, and lands by itself. …": lands_by_itself,
-    "after three landings it still reads … m: motors stopped": is_off,
-    "there is a new link, but the drone says nothing. …": was_lost,
+    "the drone does not respond, and may not have received the command to stop its motors. …": was_lost,
+    "the link was lost during the landing: the drone has received the landing command, and lands by itself. …": lands_by_itself,
+    "after three landing commands, the drone still reports a height of … m: motors stopped": is_off,
+    "there is a new link, but the drone sends no state. …": was_lost,
     ": it has fallen": lambda d, before: d.body.fell_m > 0.05 and d.body.cut_by == WATCHDOG,
-    "it was found again, and the firmware has stopped its motors, ……": lambda d, before: (
+    "reconnected: the firmware has stopped its motors, ……": lambda d, before: (
         d.body.locked and not d.body.on),
-    "it was found again, does not fly, and its motors are off": is_off,
-    "Landed. Close the shutter; Enter puts the lamps back as they were. ": lambda d, before: (
+    "reconnected: the drone does not fly, and its motors are off": is_off,
+    "Landed. Close the shutter, and press Enter to restore the lamps. ": lambda d, before: (
         d.outcome == "landed" and d.down_at_prompt),
     "another drone ended early": lambda d, before: d.another_ended,
     **dict.fromkeys(FLOOR.replace("|\n", "|").split("|"), stayed),
@@ -227,7 +225,7 @@ def swarm_lands_alone(ros, names):
 # Claims for the script of Crazyswarm2, about the double of its server and the drones that are named
 # in a line.
 SWARM = {
-    "; if it took off and hears nothing, it flies to the end and lands by itself: stay behind the net until its "
+    "; if the drone took off and receives no command, it flies to the end and lands by itself: stay behind the net until its "
     "propellers stand still": swarm_lands_alone,
     "…: no … topic for … s": swarm_reads("silent", ()),
     "…: …: the firmware has stopped its motors": lambda ros, names: all(ros.drones[n].info & 2272 for n in names),
@@ -235,21 +233,20 @@ SWARM = {
                                          for n in names),
     "the battery is empty": swarm_reads("battery_v", 4.1),
     "the position is lost": swarm_reads("sigma_m", 0.002),
-    "outside the volume that was checked": swarm_reads("carried", None),
-    "…: not known to be down, and not disarmed: stay behind the net until its propellers stand still":
+    "outside the checked volume": swarm_reads("carried", None),
+    "…: it may be in the air, so it is not disarmed: stay behind the net until its propellers stand still":
         lambda ros, names: not any(ros.drones[n].cut_by == "disarming" for n in names),
-    "…: armed, and still it cannot fly": swarm_stayed,
+    "…: armed, but it cannot fly": swarm_stayed,
     "the drones keep the controller and the gains of this flight until they restart": lambda ros, names: bool(
         ros.of("setParam")),
-    "landing; Ctrl-C again cuts the motors": lambda ros, names: ros.pressed and bool(ros.of("land")),
-    "motors cut": lambda ros, names: bool(ros.of("emergency")),
+    "landing; press Ctrl-C again to stop the motors": lambda ros, names: ros.pressed and bool(ros.of("land")),
+    "motors stopped": lambda ros, names: bool(ros.of("emergency")),
     "stopped by Ctrl-C or another signal": lambda ros, names: ros.pressed,
     **dict.fromkeys("""warning: …: …|a deck has a fault|can fly|supervisor …|can fly or be armed|battery at rest|
 position settled|the server has no …: start it with the crazyflies.yaml beside this script|…: its firmware has no …|
 …: no … or status topic: start the server with the crazyflies.yaml beside this script|…………wanted: …|
-…: … is …, wanted …|by eye: the drones are …, carry the lamps of the plan, and stand with the room's middle as \
-x = y = 0|, a room of … m|wanted a release such as 2026.08|
-Shutter ready, everyone behind the net? Enter takes off, Ctrl-C ends. |error: …""".replace("|\n", "|").split("|"),
+…: … is …, wanted …|check by eye that the drones are …, carry the lamps of the plan, and stand in a frame with the middle of the room at x = y = 0|, a room of … m|wanted a release such as 2026.08|
+Is the shutter ready, and is everyone behind the net? Press Enter to take off, or Ctrl-C to exit. |error: …""".replace("|\n", "|").split("|"),
                     always),
 }
 

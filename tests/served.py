@@ -283,7 +283,7 @@ def takes_advice(browser, url):
     page.select_option("[data-key='photo.ambient_cd_m2']", "1")
     page.evaluate("const range = document.querySelector(\"[data-key='plan.stroke_speed_m_s']\"); range.value = 0.8; range.dispatchEvent(new Event('input'))")
     until(page, "document.querySelector('#drawer .advice button')", "advice")
-    percent = lambda: int(re.search(r": (\d+) of", page.inner_text("#drawer .read")).group(1))
+    percent = lambda: int(re.search(r"(\d+) of 100", page.inner_text("#drawer .read")).group(1))
     before = percent()
     advice = page.locator("#drawer .advice button").first
     assert not re.search(r"--set|[a-z]+\.[a-z]+_|scene", advice.inner_text()), f"advice in words: {advice.inner_text()}"

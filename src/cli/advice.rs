@@ -73,14 +73,19 @@ const FLAGS: [(&str, &str, &str); 19] = [
     ("letters.font", "font", "selects another font"),
     ("letters.font", "trust", "opens the file"),
     ("lights-missing", "word", "infers the lights and letters from a log's setpoints"),
-    ("lights-missing", "lit", "lights the lamps of a log from take-off to landing"),
+    ("lights-missing", "lit", "shows a log's lamps lit from take-off to landing"),
     ("plan.drones", "drones", "sets the number of drones"),
     ("plan.drones", "style even", "lets several drones share a word"),
     ("plan.style", "style", "sets the flight style"),
     ("sensors.lighthouse.stations", "lighthouse", "reads the base stations from cfclient's file"),
     ("word-or-file", "drawing", "flies a picture, or strokes in JSON, in place of a word"),
     ("word-or-file", "scene", "uses the scene of a file or a folder"),
-    ("times-missing", "period", "sets the seconds between the rows of a table without times"),
+    (
+        "times-missing",
+        "period",
+        "sets the time in seconds between the rows of a table without \
+                                 times",
+    ),
 ];
 
 /// Returns a sentence for each flag of the verb that may resolve the error. The flags depend on the

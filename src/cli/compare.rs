@@ -26,8 +26,8 @@ pub(super) struct CompareArgs {
     /// Part of both flights to compare
     #[arg(long, value_name = "PART", default_value = "airborne", value_parser = named::<Part>())]
     part: Part,
-    /// Curve by which B's clock is aligned, which is the setpoints (design), or the flown path if
-    /// the log's plan sends setpoints ahead (plan.reference = "inverse")
+    /// Curve by which B's clock is aligned: the setpoints (design), or the flown path if the log's
+    /// plan sends setpoints ahead of time (plan.reference = "inverse")
     #[arg(long, value_name = "BY", default_value = "design", value_parser = ["design", "flown"])]
     align: String,
     /// Seconds to add to B's clock, in place of --align
@@ -128,7 +128,7 @@ const LAYOUT: &str = "\
 A         {a.file}
 B         {b.file}
 compared  {part}, {span_s.0:.2} to {span_s.1:.2} s, {samples} samples; B's clock {offset_s:+.3} s
-frame     B is in another frame: turned by {frame.turn_rad*57.29577951308232:+.1}° and shifted by {frame.shift_m.0:+.3}, {frame.shift_m.1:+.3}, {frame.shift_m.2:+.3} m onto A, which leaves {frame.left_m*100:.1} cm
+frame     B is in another frame: rotated by {frame.turn_rad*57.29577951308232:+.1}° and shifted by {frame.shift_m.0:+.3}, {frame.shift_m.1:+.3}, {frame.shift_m.2:+.3} m onto A, which leaves {frame.left_m*100:.1} cm
 
 |errors|RMSE, m<24|x>8|y>8|z>8|in plane>10
 {name}|{m.0:.4}|{m.1:.4}|{m.2:.4}|{in_plane_m:.4}

@@ -71,7 +71,7 @@ pub(super) fn run(args: &ComparePhotoArgs) -> Result<Report> {
 }
 
 const LAYOUT: &str = "\
-placement\tscale {transform.scale:.4} (photo by render), turned by {transform.rotation_rad*57.29577951308232:+.2}°, corner at {transform.shift_px.0:.1},{transform.shift_px.1:.1} px
+placement\tscale {transform.scale:.4} (photo relative to render), rotated by {transform.rotation_rad*57.29577951308232:+.2}°, corner at {transform.shift_px.0:.1},{transform.shift_px.1:.1} px
 fit       corners of the letters off by {residual_px:.1} px (RMS)
 FLIP      {mean_flip:.3}, mean difference over the render
 ";

@@ -114,14 +114,14 @@ fn along_the_word(args: &CoverageArgs, scene: Scene) -> Result<Report> {
 
 /// Layout of the text report for ultra-wideband ranges.
 const BOUNDS: &str = "\
-bound     {bound_m*100:.1~-} cm over three axes, 1 σ: the least error that the ranges allow along the strokes
+bound     {bound_m*100:.1~-} cm over three axes, 1 σ: the smallest error that the ranges allow along the strokes
 wanted    an error of at most 5 % of the letters' height on each axis; a slow error may be twice as large
 excluded  biased ranges, outliers and lost messages: they increase the error
 
 |letters|letter<8|drone<8|bound, cm>9
 {letter}|{drone}|{bound_m*100:.1}
 
-advice    one more anchor that all drones hear helps most at ({one_more_anchor.position_m.0:.2}, {one_more_anchor.position_m.1:.2}, {one_more_anchor.position_m.2:.2}) m: {one_more_anchor.bound_m*100:.1} cm then
+advice    an additional anchor that all drones receive helps most at ({one_more_anchor.position_m.0:.2}, {one_more_anchor.position_m.1:.2}, {one_more_anchor.position_m.2:.2}) m: {one_more_anchor.bound_m*100:.1} cm then
 
 ";
 

@@ -34,8 +34,9 @@ pub(super) struct ExportArgs {
     /// polynomials]
     #[arg(long, value_name = "MM")]
     tolerance: Option<f64>,
-    /// Setpoints that the cflib script sends, unless it is itself started with --mode [default:
-    /// those that `check` simulates, full states for controllers that follow the design's motion]
+    /// Setpoints that the cflib script sends, unless the script is started with another --mode
+    /// [default: those that `check` simulates, full states for controllers that follow the design's
+    /// motion]
     #[arg(long, value_name = "NAME", value_parser = named::<Mode>())]
     mode: Option<Mode>,
     #[command(flatten)]
@@ -192,8 +193,8 @@ fn warn_of_behavior(args: &ExportArgs, shoot: &Shoot, checks: &[Diagnostic]) {
         match check.code {
             PICTURE => warn([check.sentence(mentioned)]),
             LED_MEMORY if is_on_board => warn([format!(
-                "the lights would use {} of the LED timing memory, so the script sends them over \
-                 the radio",
+                "the lights would use {} of the LED timing memory, so the script sends the light \
+                 commands over the radio",
                 check.message
             )]),
             _ => {}

@@ -32,14 +32,15 @@ pub(super) struct ExposeArgs {
     /// rewritten up to twice a second, until the flights end or Ctrl-C is pressed
     #[arg(long, conflicts_with = "backend")]
     follow: bool,
-    /// Plan of the flights. With it, --follow prints the reading of the photo after each letter
+    /// Plan of the flights. With this plan, --follow prints the reading of the photo after each
+    /// letter
     #[arg(long, value_name = "FILE", requires = "follow")]
     plan: Option<PathBuf>,
     #[command(flatten)]
     flight: FlightFlags,
-    /// Word that the flights write. The camera frames it, the photo's scene contains it, and the
-    /// lights of a log without lights are inferred from it [default: the scene's, or the letters of
-    /// the flights]
+    /// Word that the flights write, which the camera frames and the photo's scene contains. For a
+    /// log without lights, the lights are inferred from this word [default: the scene's, or the
+    /// letters of the flights]
     #[arg(long, value_name = "WORD")]
     word: Option<String>,
     /// Show the lamps of a log without lights lit from take-off to landing
@@ -170,8 +171,8 @@ impl ExposeArgs {
         warn(shot.problems.iter().map(|problem| problem.sentence(mentioned)));
         // A light trace contains its own colors and needs no word. It yields no flights.
         if !shot.shoot.scene.has_strokes() && !shot.flights.is_empty() && !self.lit {
-            let note =
-                "the photo contains no word: pass one with --word, or after the photo in `score`";
+            let note = "the photo names no word: pass the word with --word, or after the photo in \
+                 `score`";
             message("note: ", note);
         }
         let mut report = show::camera(&shot);

@@ -298,7 +298,7 @@ impl SubjectFlags {
             [] => {}
             [word] => {
                 if let Some(other) = self.word.as_ref().filter(|other| *other != word) {
-                    let hint = "name either one; --word names the word that the plans write";
+                    let hint = "name a word or plans; --word names the word that the plans write";
                     return Err(Error::input("--word", other, format!("{word}, or none"), hint));
                 }
                 typed_word(Some(word), self.word.as_ref())?;
@@ -491,7 +491,7 @@ fn warn_of_smaller_letters(shoot: &Shoot) {
     if let Some([width_m, height_m]) = canvas_m.filter(|_| written_m < CLEARLY * asked_m) {
         warn([format!(
             "letters of {asked_m} m do not fit into letters.canvas_m of {width_m} x {height_m} \
-             m, so they are {written_m:.2} m high"
+             m, so they are written {written_m:.2} m high"
         )]);
     }
 }
@@ -549,6 +549,6 @@ fn check_folder(word: &str) -> Result<()> {
 /// Returns the error for a file or folder name that was typed as a word. `actual` describes it.
 fn no_word(word: &str, actual: String) -> Error {
     let hint = format!("`--word {}` writes this word", shell_word(word.as_ref()));
-    let wanted = "a word, or a file *.csv where a plan may be named";
+    let wanted = "a word, or a file *.csv if a plan may be named";
     Error::input("word or file", actual, wanted, hint).coded("word-or-file")
 }

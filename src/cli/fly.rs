@@ -81,7 +81,7 @@ pub(super) fn run(args: &FlyArgs) -> Result<Report> {
 fn sent(log: &Flight) -> Result<Plan> {
     let Replay { plan, n_restored } = replay(log)?;
     if n_restored > 0 {
-        warn([format!("{n_restored} setpoints are missing in the log and were interpolated")]);
+        warn([format!("{n_restored} setpoints are missing from the log and were interpolated")]);
     }
     Ok(plan)
 }

@@ -92,7 +92,7 @@ fn report(
 }
 
 const LAYOUT: &str = "\
-assumed       mass {assumed.mass_kg*1e3:.2} g, arm {assumed.arm_m*1e3:.2} mm, of the scene; weigh yours: --set vehicle.mass_kg=...
+assumed       mass {assumed.mass_kg*1e3:.2} g, arm {assumed.arm_m*1e3:.2} mm, from the scene; weigh your drone: --set vehicle.mass_kg=...
 samples       {samples} in the air, mean commands {mean_motors.0:.0} {mean_motors.1:.0} {mean_motors.2:.0} {mean_motors.3:.0}
 k_F           {k_f_n:.4e} N per unit of a motor's command
 torque        x {motor_torque_n_m.0:+.2e}  y {motor_torque_n_m.1:+.2e} N m, mean of the motors

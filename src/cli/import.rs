@@ -22,12 +22,12 @@ pub(super) struct ImportArgs {
     /// Log: AE483 JSON, cfclient CSV (a file, or the folder of its blocks), µSD, plain or range
     /// CSV, tables of motion captures and other programs (docs/reference/files.md). Any other
     /// folder is read as the logs of an evening, and yields one page and a conditions file. Logs of
-    /// exported scripts name their drones. Other logs must be in a folder named after the drone, or
-    /// begin their file name with the drone's name and - or _
+    /// exported scripts name their drones. Any other log must be in a folder named after the drone,
+    /// or its file name must begin with the drone's name and - or _
     log: PathBuf,
     /// Word that was flown. For a log without lights, the letters and the schedule of the
-    /// headlights are inferred from this word and the setpoints (in the letters of the scene or of
-    /// a preset)
+    /// headlights are inferred from this word and the setpoints, with the font and size of the
+    /// scene or of a preset
     #[arg(long, value_name = "WORD")]
     word: Option<String>,
     #[command(flatten)]
@@ -83,7 +83,7 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
 /// belongs to a single flight.
 fn import_evening(args: &ImportArgs) -> Result<Report> {
     if let Some(word) = &args.word {
-        let hint = "import the log of the flight that wrote the word separately";
+        let hint = "separately import the log of the flight that wrote the word";
         return Err(Error::input("input", word, "a folder of logs, without a word", hint));
     }
     let output = args.output.as_deref().unwrap_or(Path::new("noctograph-evening"));

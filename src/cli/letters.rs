@@ -18,8 +18,8 @@ pub(super) struct LetterFlags {
     #[arg(long, value_name = "NAME|FILE,...", value_delimiter = ',')]
     fallback: Vec<String>,
     /// Drawing instead of a word: *.svg, a picture *.png, *.jpg, *.webp, *.gif or *.bmp (lines on
-    /// paper, a logo), or handwriting as *.json. The color LED deck and the ring write in its
-    /// colors
+    /// paper, a logo), or handwriting as *.json. The color LED deck and the ring reproduce the
+    /// drawing's colors
     #[arg(long, value_name = "FILE")]
     drawing: Option<String>,
     /// Detail of a drawing, from 0 (a sketch of the longest strokes) to 1 (every stroke) [default:

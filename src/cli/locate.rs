@@ -201,7 +201,7 @@ const LAYOUT: &str = "\
 located   {n_drones} of {n_drones} drones, --observer {observer}
 ranges    {ranges} in {span_s:.1} s
 refused   {refused_frac*100:.1} % of the ranges
-NIS       {nis:.2} (from {nis_interval.0:.2} to {nis_interval.1:.2} where noise and motion are as assumed)
+NIS       {nis:.2} (from {nis_interval.0:.2} to {nis_interval.1:.2} if noise and motion are as assumed)
 sigma     {sigma_median_m*100:.1} cm over three axes (median), {sigma_max_m*100:.1} cm at worst
 *clocks clock     {file}: offset {offset_s:+.3} s
 
@@ -272,7 +272,7 @@ fn align_logs(logs: &mut [Dated<'_>], samples: &mut [Vec<RangeSample>]) -> Resul
     // Every log must use the same clock as the first one.
     let Some((first, others)) = logs.split_first_mut() else { return Ok(()) };
     for log in others {
-        let wanted = format!("timestamps in common with those of {}", first.path.display());
+        let wanted = format!("timestamps that overlap with those of {}", first.path.display());
         let hint = "record all logs with one clock, or locate drones without ranges between them \
                     one by one";
         log.offset_s = log
@@ -304,7 +304,7 @@ fn aligned_references<'a>(
         let (after_s, typed_s) = (reference.after_s(log), args.offset.get(drone));
         if after_s.is_none() && typed_s.is_none() {
             let hint = "give the seconds between the two clocks with --offset";
-            let wanted = "timestamps in common with those of the log";
+            let wanted = "timestamps that overlap with those of the log";
             return Err(Error::input(reference.path.display(), "another clock", wanted, hint));
         }
         reference.offset_s = log.offset_s + after_s.unwrap_or(0.0) + typed_s.unwrap_or(&0.0);
@@ -479,7 +479,6 @@ fn room(text: &str) -> std::result::Result<Room, String> {
         low_m: Vector3::new(left, front, bottom),
         high_m: Vector3::new(right, back, top),
     });
-    let wanted = "wanted the lowest and the highest x, y, z in meters, such as \
-                  -2,-2,0,2,2,2.4";
+    let wanted = "wanted the minimum and the maximum x, y, z in meters, such as -2,-2,0,2,2,2.4";
     room.filter(|room| (room.high_m - room.low_m).min() > 0.0).ok_or_else(|| wanted.to_owned())
 }

@@ -71,8 +71,7 @@ pub(super) fn region(scene: Scene) -> Result<Report> {
 }
 
 const LAYOUT: &str = "\
-Fraction of the start error that the shared-anchor observer leaves after {map_s} s of
-writing, without noise: median of {starts} starts (best to worst; diverged)
+Fraction of the start error that remains after {map_s} s of writing with the shared-anchor observer, without noise: median of {starts} starts (best to worst; diverged)
 
 |errors|error, m<8|gain 0.003>23|gain 0.03>23|gain 0.3>23
 {error_m}|{left.0.median:.2} ({left.0.range.0:.2}-{left.0.range.1:.2}; {left.0.diverged_frac*100:.0} %)|{left.1.median:.2} ({left.1.range.0:.2}-{left.1.range.1:.2}; {left.1.diverged_frac*100:.0} %)|{left.2.median:.2} ({left.2.range.0:.2}-{left.2.range.1:.2}; {left.2.diverged_frac*100:.0} %)

@@ -28,7 +28,7 @@ pub(super) struct MeterArgs {
     flights: FlightFlags,
     #[command(flatten)]
     picture: PictureFlags,
-    /// Desired exposure of the middle of the trail, in stops over saturation [default: that of the
+    /// Desired exposure at the median of the trail, in stops over saturation [default: that of the
     /// exposure that `preview` sets]
     #[arg(long, value_name = "STOPS", allow_negative_numbers = true)]
     target_stops: Option<f64>,
@@ -105,7 +105,7 @@ impl Advisor<'_> {
     }
 
     /// Returns the settings for the brightest lamp as text, or `None` if the light meter recommends
-    /// settings for all lamps. If no setting is dark enough, a neutral filter is suggested.
+    /// settings for all lamps. If no setting is dark enough, a neutral-density filter is suggested.
     fn settings(&self, brightest: Option<&LampReading>) -> Option<String> {
         let brightest = brightest.filter(|_| self.recommended.is_none())?;
         let advice = brightest.advice(self.camera, self.target_stops);
@@ -113,7 +113,7 @@ impl Advisor<'_> {
         let iso = advice.iso.map(|iso| format!("ISO {iso:.0}"));
         let settings: Vec<String> = aperture.into_iter().chain(iso).collect();
         Some(if settings.is_empty() {
-            "a neutral filter".to_owned()
+            "a neutral-density filter".to_owned()
         } else {
             settings.join(" or ")
         })
@@ -168,14 +168,14 @@ stops over saturation, along the trail
 |trails|lamp<18|lit s>8|median>10|5 %>9|95 %>9|uneven>9|streaks s>11
 {name:.18}|{lit_s:.1}|{median_stops:+.1~dark}|{p5_stops:+.1}|{p95_stops:+.1}|{evenness_stops:.1}|{streak_s:.1}
 
-to put the middle of a lamp's trail at {target_stops:+.1} stops, one of
+to put the median of a lamp's trail at {target_stops:+.1} stops, use one of
 |rows|lamp<18|aperture>10|ISO>10|level times>14
 {name:.18}|f/{advice.f_number:.1}|{advice.iso:.0}|{advice.level_factor:.3}
 
-{any_spots} (two stops over the middle, saturated): the lamp lingers there, or faces the camera
+{any_spots} (two stops above the median, saturated): the lamp lingers there, or faces the camera
 |spots|lamp<18|from s>10|for s>8|at pixel>11|stops>10
 {name:.18}|{time_s:.2}|{duration_s:.2}|{at_px.0:.0},{at_px.1:.0}|{stops:+.1}
-and {more} more (--json has them all)
+and {more} more (--json lists all)
 ";
 
 /// Returns the hot spots above saturation as JSON with the names of their lamps, brightest first. A

@@ -85,8 +85,7 @@ static VERSION: LazyLock<String> = LazyLock::new(|| {
     version = VERSION.as_str(),
     max_term_width = 80,
     arg_required_else_help = true,
-    after_help = "Exit codes: 0 done (and legible), 1 not legible, not safe to fly or refused, 2 \
-                  error."
+    after_help = "Exit codes: 0 success, 1 not legible, not safe to fly or refused, 2 error."
 )]
 struct CommandLine {
     #[command(subcommand)]

@@ -37,7 +37,12 @@ impl Outputs {
         if let Some(path) = path.filter(|path| n_drones > 1 && is_csv(path) && !path.is_dir()) {
             let (actual, hint) = (format!("a single file for {n_drones} drones"), "leave out .csv");
             let place = path.display().to_string();
-            return Err(Error::input(place, actual, "a folder for one file per drone", hint));
+            return Err(Error::input(
+                place,
+                actual,
+                "a folder, because each drone has its own file",
+                hint,
+            ));
         }
         let path_or = |default: String| path.map_or_else(|| default.into(), Path::to_owned);
         // Files are opened before the long computation, to refuse an unwritable path early.

@@ -15,7 +15,7 @@ use clap::Args;
 /// Flags that select the camera.
 #[derive(Debug, Args)]
 pub(super) struct CameraFlags {
-    /// Camera of another scene, or auto (directly in front of the word, which it frames)
+    /// Camera of another scene, or auto, which frames the word from directly in front
     #[arg(long, value_name = "SCENE|auto")]
     camera: Option<String>,
     /// Photograph whose EXIF sets sensor, lens, aperture, shutter time, ISO and aspect
@@ -91,9 +91,9 @@ pub(super) struct PictureFlags {
     camera: CameraFlags,
     #[command(flatten)]
     stand: StandFlag,
-    /// Size of the picture in pixels, such as 1920x1080, or of a print, such as A2@150 or
-    /// 600x400mm@150, as its paper in landscape format and its dots per inch. A print contains the
-    /// noise of the camera's sensor, resampled to the print's dots
+    /// Size of the picture: pixels, such as 1920x1080, or for a print the paper size in landscape
+    /// format and the dots per inch, such as A2@150 or 600x400mm@150. A print contains the noise of
+    /// the camera's sensor, resampled to the print's dots
     #[arg(long, value_name = "WxH|PAPER@DPI", value_parser = size)]
     size: Option<Size>,
     /// Device that computes the exposure. The result is the same on every device

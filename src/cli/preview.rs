@@ -44,13 +44,13 @@ pub(super) struct PreviewArgs {
     profile: ProfileFlags,
     #[command(flatten)]
     spread: SpreadFlags,
-    /// Fly the exported trajectory in this format, decoded as in the firmware
+    /// Fly the trajectory exported in this format, decoded as in the firmware
     #[arg(long, value_name = "FORM", value_parser = named::<Form>())]
     as_exported: Option<Form>,
     /// Also write report.html, a single page with all results to print or to hand in
     #[arg(long)]
     report: bool,
-    /// Log of a real flight whose photo is compared with this one, letter by letter
+    /// Log of a real flight, whose photo is compared with the preview, letter by letter
     #[arg(long, value_name = "LOG")]
     flown: Option<PathBuf>,
     /// Folder for photo.png, flight.csv, plan.csv, scene.toml and, for a word, verdict.json

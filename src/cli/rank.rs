@@ -21,21 +21,23 @@ use clap::Args;
 use serde_json::json;
 
 #[derive(Debug, Args)]
-#[command(after_help = "Every flight is added to OUTPUT/flights.jsonl at once. To continue an \
-                        interrupted command, repeat it; the results are the same.\n\nSeveral \
-                        machines with a shared folder can each fly a shard. The same command \
-                        without --shard then ranks them. With GNU parallel:\n  seq 40 | parallel --sshlogin a,b noctograph rank team tuned \\\n    --words \
-                        NOOR:9999 --threads 1 --parts parts --shard {}/40\n  noctograph rank team \
-                        tuned --words NOOR:9999 --parts parts\nWith Slurm: sbatch --array=1-40 \
-                        --wrap 'noctograph ... --shard $SLURM_ARRAY_TASK_ID/40'\nWith Dask: \
+#[command(after_help = "Every flight is immediately appended to OUTPUT/flights.jsonl. To \
+                        continue an interrupted command, repeat it. The results are the same as \
+                        without the interruption.\n\nSeveral machines with a shared folder can \
+                        each fly a shard. The same command without --shard then ranks the \
+                        flights of all shards. With GNU parallel:\n  seq 40 | parallel \
+                        --sshlogin a,b noctograph rank team tuned \\\n    --words NOOR:9999 \
+                        --threads 1 --parts parts --shard {}/40\n  noctograph rank team tuned \
+                        --words NOOR:9999 --parts parts\nWith Slurm: sbatch --array=1-40 --wrap \
+                        'noctograph ... --shard $SLURM_ARRAY_TASK_ID/40'\nWith Dask: \
                         examples/dask_rank.py")]
 pub(super) struct RankArgs {
     /// Scenes: files, presets, team, pid, geometric, tuned, or folders (./tuned). With --task,
     /// these are submissions, as files or folders
     #[arg(required = true, value_name = "SCENE")]
     scenes: Vec<String>,
-    /// Task for grading. This scene is flown with those keys of each submission, a scene or a few
-    /// keys, that --may allows. A submission that changes other keys is refused
+    /// Scene of a task for grading, which is flown with those keys of each submission that --may
+    /// allows. A submission that changes other keys is refused
     #[arg(long, value_name = "SCENE")]
     task: Option<String>,
     /// Key, or all keys of a table, that a submission may change (may be repeated). Keys that name
@@ -45,8 +47,8 @@ pub(super) struct RankArgs {
     may: Vec<String>,
     #[command(flatten)]
     study: StudyFlags,
-    /// Fly only a part of the flights, such as 3/20 for part 3 of 20, into the folder of --parts,
-    /// unless the part exists, and do not rank
+    /// Fly only one part of the flights, such as 3/20 for part 3 of 20, and do not rank. The part
+    /// is written into the folder of --parts, unless it exists there
     #[arg(long, value_name = "I/N", requires = "parts")]
     shard: Option<String>,
     /// Folder of the shards, whose flights are not flown again

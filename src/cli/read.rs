@@ -18,7 +18,7 @@ use serde_json::json;
 
 #[derive(Debug, Args)]
 pub(super) struct ReadArgs {
-    /// Photo to read (PNG or JPEG), a render or a picture from a camera
+    /// Photo to read (PNG or JPEG): a render, or a picture from a camera
     photo: PathBuf,
     /// Corners of the line of writing in the photo, in pixels, clockwise from the upper left, for a
     /// photo taken at an angle
@@ -96,7 +96,7 @@ pub(super) fn read_upright(photo: Photo, word: &str) -> (Photo, Reading) {
     }
     let way_up = ["on its side", "upside down", "on its side"][quarters - 1];
     let angle_deg = QUARTER_DEG * quarters;
-    let text = format!("the writing is {way_up}: the photo is turned clockwise by {angle_deg}°");
+    let text = format!("the writing is {way_up}: the photo is rotated clockwise by {angle_deg}°");
     message("note: ", &text);
     (quarter_turned(&photo, quarters), reading)
 }

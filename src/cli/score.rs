@@ -26,7 +26,7 @@ use clap::Args;
 
 #[derive(Debug, Args)]
 pub(super) struct ScoreArgs {
-    /// Photo to judge (PNG or JPEG), a render or a picture from a camera
+    /// Photo to judge (PNG or JPEG): a render, or a picture from a camera
     photo: PathBuf,
     /// Expected word [default: the scene's]
     word: Option<String>,
@@ -49,8 +49,8 @@ pub(super) struct ScoreArgs {
     flight: Vec<PathBuf>,
     #[command(flatten)]
     flights: FlightFlags,
-    /// Open the font or drawing that the photo's scene names, relative to the photo's folder. Only
-    /// use this for photos from authors that you trust
+    /// Open the font or drawing that the photo's scene names, relative to the photo's folder. Use
+    /// this only for photos from authors whom you trust
     #[arg(long)]
     trust: bool,
     /// Picture to write, PNG or SVG: the photo with intended strokes (green), missing ones (pink),
@@ -178,8 +178,8 @@ fn check_strokes(strokes: &Strokes, digest: Option<&str>, place: String) -> Resu
         return Ok(());
     };
     let actual = "a font or drawing with other strokes";
-    let hint = "find the font or drawing that the photo was made with";
-    Err(Error::input(place, actual, format!("the strokes of digest {digest}"), hint))
+    let hint = "find the font or drawing with which the photo was made";
+    Err(Error::input(place, actual, format!("strokes with the digest {digest}"), hint))
 }
 
 /// Returns the first key of the photo's scene that names a file and was not typed.
@@ -193,7 +193,7 @@ fn distrust(args: &ScoreArgs, scene: &mut Scene, place: &str) -> Result<()> {
     scene.photo.background.clear();
     let Some(key) = foreign_file(args, scene) else { return Ok(()) };
     let hint = "pass a scene with --scene, or trust the photo's scene if you know who made it";
-    let wanted = "a font that comes with the program, because a photo may name any file";
+    let wanted = "a built-in font, because a photo may name any file";
     Err(Error::input(key, "the path of a file", wanted, hint).in_file(place, None))
 }
 
@@ -205,7 +205,7 @@ fn check_flights(args: &ScoreArgs, flights: &[Flight], shown: Option<&str>) -> R
         let digest = flight.sha256();
         if !shown.split(' ').any(|known| known == digest) {
             let hint = "name the flight that was exposed in this photo";
-            let actual = format!("a flight of digest {digest}");
+            let actual = format!("a flight with the digest {digest}");
             let wanted = format!("the flight that the photo shows, {shown}");
             return Err(Error::input(path.display(), actual, wanted, hint));
         }

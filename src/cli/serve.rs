@@ -25,14 +25,14 @@ pub(super) struct ServeArgs {
     /// Scene that the page's controls show at the start
     #[arg(long, value_name = "SCENE")]
     scene: Option<String>,
-    /// Port, or 0 for the port that the gallery stores or else a free port
+    /// Port, or 0 for the port stored in the gallery, or else a free port
     #[arg(long, value_name = "N", default_value_t = 0)]
     port: u16,
     /// Folder that stores the address and the visitors' entries [default: none, so that both are
     /// lost when the program ends]
     #[arg(long, value_name = "DIR")]
     gallery: Option<PathBuf>,
-    /// Also serve the local network. Anyone who has the address may write, draw and send
+    /// Also serve the local network. Anyone who has the address may write, draw and send entries
     #[arg(long)]
     network: bool,
     /// Print the address of a page for a screen in a hall, which has no settings or downloads, and
@@ -45,7 +45,7 @@ pub(super) struct ServeArgs {
     /// Folder with the host's title and sentences (brand.toml) and logo (logo.svg)
     #[arg(long, value_name = "DIR")]
     brand: Option<PathBuf>,
-    /// Folder of the scripts that fly and of their logs, whose light the wall shows during the
+    /// Folder in which scripts write their logs. The wall shows the light of these logs during the
     /// flight
     #[arg(long, value_name = "DIR")]
     flights: Option<PathBuf>,
@@ -101,7 +101,7 @@ fn serve(args: &ServeArgs, program: Program) -> Result<()> {
         flights: args.flights.clone(),
     };
     if args.module.is_some() && !is_self_contained {
-        warn(["the scene uses files on this machine, so photos are made here instead of by \
+        warn(["the scene uses files on this machine, so the server makes all photos and ignores \
                --module"]);
     }
     noctograph_serve::serve(config, program, |addresses| announce(args, addresses, has_room))
@@ -171,10 +171,10 @@ fn table(args: &ServeArgs, page: &str, addresses: &Addresses, has_room: bool) ->
             text += &line("kiosk", kiosk);
         }
         text += &line("network", visitors);
-        text += &line("", "anyone who has this address may write, draw and send");
+        text += &line("", "anyone who has this address may write, draw and send entries");
         if !has_room {
-            let hint = "not known, so the scripts' fence is a guess: name a scene with a room by \
-                        --scene, such as `preview WORD --room WxDxH` writes";
+            let hint = "not known, so the scripts' fence is a guess: pass a scene with a room as \
+                        --scene, such as the one that `preview WORD --room WxDxH` writes";
             text += &line("room", hint);
         }
     }
@@ -201,6 +201,6 @@ fn open(address: &str) {
     let mut command = Command::new(opener);
     let quiet = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
     if quiet.arg(address).spawn().is_err() {
-        message("note: ", &format!("no {opener} here: open the address in a browser"));
+        message("note: ", &format!("{opener} is not installed: open the address in a browser"));
     }
 }

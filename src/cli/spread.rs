@@ -17,7 +17,7 @@ use serde_json::{Value, json};
 #[derive(Debug, Args)]
 pub(super) struct SpreadFlags {
     /// Fly N more times under --conditions, and draw the band that contains 90 % of the flights
-    /// (all of them if they are fewer than 19), and the photos with their verdicts (spread.svg,
+    /// (all flights if there are fewer than 19), and the photos with their verdicts (spread.svg,
     /// spread-xz.svg, spread.png)
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(2..=1000))]
     spread: Option<u16>,

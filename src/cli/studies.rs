@@ -32,7 +32,7 @@ pub(super) struct StudyFlags {
     /// per line
     #[arg(long, value_name = "WORD[:N],...", value_delimiter = ',', default_value = "NOOR")]
     words: Vec<String>,
-    /// Number of seeds of each word [default: rank 50, or 100 with --task, tune 6]
+    /// Number of seeds per word [default: rank 50, or 100 with --task, tune 6]
     #[arg(long, value_name = "N")]
     seeds: Option<u32>,
     /// Seed from which the seeds of all flights are derived. A seed of 2^32 or above cannot be
@@ -242,7 +242,7 @@ const RANKED: &str = "\
  {places.#}|{names.#}|{legibility.value:.3}|  {legibility.low:.3} to {legibility.high:.3}|{legible.value*100:.1}|{legible.low*100:.0} to {legible.high*100:.0}|{worst_decile.value:.3}|{n_lost}
 *unranked  -  {contender} {note}
 
-P(read): mean readability of the photos. If another word is likelier than the right one, a photo counts at most the right one's probability
+P(read): mean readability of the photos. If another word is likelier, a photo counts at most the right word's relative probability
 
 |measures|scene<16|contour/mm>7|lag/s>7|rms x/mm>7|y/mm>6|z/mm>6|y max/mm>8|sat./%>7|time/s>7|energy/J>8
 {names.#}|{flown.contour_m.value*1e3:.1}|{flown.lag_s.value:.2}|{flown.rmse_x_m.value*1e3:.1}|{flown.rmse_y_m.value*1e3:.1}|{flown.rmse_z_m.value*1e3:.1}|{flown.drift_y_m.value*1e3:.1}|{flown.saturated_frac.value*100:.1}|{flown.duration_s.value:.1}|{flown.energy_j.value:.0}

@@ -49,7 +49,7 @@ pub(super) struct TuneArgs {
     /// Scene key to tune (may be repeated) [default: the usual keys of its controller]
     #[arg(long, value_name = "KEY=...")]
     knob: Vec<String>,
-    /// Longest allowed flight, in seconds [default: that of the scene]
+    /// Maximum duration of a flight, in seconds [default: that of the scene]
     #[arg(long, value_name = "S")]
     longest: Option<f64>,
     /// Cap height in meters, with which the other lengths of the letters are scaled
@@ -200,7 +200,7 @@ fn write(
 
 /// Returns comment lines that describe the tuned scene's origin, for the top of its file.
 fn origin(args: &TuneArgs, tuned: &Tuned) -> String {
-    let what = if tuned.helped() { "Tuned from" } else { "Found nothing better than" };
+    let what = if tuned.helped() { "Tuned from" } else { "No improvement found on" };
     format!(
         "# {what} `{}` by noctograph {}: {} candidates in {} flights, seed {}.\n# In the finals, \
          P(read) was {:.3} for the best candidate and {:.3} for the original scene.\n",

@@ -116,7 +116,7 @@ pub(crate) fn check_levels(name: &str, levels: &[f64], n_times: usize) -> Result
         None => Ok(()),
         Some(row) => {
             let actual = format!("{} in row {row}", levels[row]);
-            let hint = "1 is full light: divide bytes by 255";
+            let hint = "1 is full brightness: divide bytes by 255";
             Err(Error::input(name, actual, "levels from 0 to 1", hint))
         }
     }

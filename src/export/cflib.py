@@ -3,15 +3,16 @@
 
 Made by noctograph. Needs Python 3.9 and cflib @CFLIB@ or newer: pip install cflib
     python3 SCRIPT --dry-run           prints everything that would be sent, without a radio
-    python3 SCRIPT --check-geometry    compares what the drone reads at the canvas's corners
+    python3 SCRIPT --check-geometry    compares the drone's positions at the corners of the canvas
     python3 SCRIPT --uri radio://0/80/2M/E7E7E7E7E7
 
-The drone stands where the plan takes off, its nose along the world's x axis, or turned to the left as
-far as the script says, and the positioning system runs. Its origin is the middle of the floor of the
-room in which the flight was checked. Before you press Enter the script reads what is connected,
-resets the position estimate, uploads, and shows a table of what it found beside what was checked: it
-goes on only when all is right. Ctrl-C, a closed window and `kill` land where the drone is; a second
-Ctrl-C, half a second later or more, stops the motors. Whatever fails in the air, landing comes first.
+Place the drone at the start of the plan, with its nose along the world's x axis, or turned to the left
+by the angle in the table that the script prints. Switch the positioning system on. Its origin is the
+middle of the floor of the room in which the flight was checked. Before you press Enter, the script
+reads what is connected, resets the position estimate, uploads the trajectory and the lights, and shows
+a table of measured and required values. It continues only if all of them are right. Ctrl-C, a closed
+window and `kill` land the drone where it is. A second Ctrl-C, at least half a second later, stops the
+motors. If anything fails in the air, the script lands the drone first.
 """
 
 import argparse
@@ -336,7 +337,7 @@ class Drone:
                 link = self.connect(False)
             except Exception as error:
                 if self.clock() > end_s:
-                    raise LinkLost(f"no new link in {RECONNECT_S:.0f} s: {error}") from None
+                    raise LinkLost(f"no new link within {RECONNECT_S:.0f} s: {error}") from None
                 time.sleep(0.2)
         self.cf = link
         self.blocks.clear()
@@ -389,9 +390,9 @@ class Drone:
         values = [(name, value) for name, value in reversed(list(self.changed.items())) if
                   (name in DATA["lamps"]) == lamps and value is not None]
         for name, value in values:
-            attempt(f"putting {name} back", self.cf.param.set_value, name, value)
+            attempt(f"restoring {name}", self.cf.param.set_value, name, value)
             del self.changed[name]
-        attempt("waiting for what was put back", self.wait_for, lambda: self.has_all(values), ANSWER_S)
+        attempt("waiting for the restored parameters", self.wait_for, lambda: self.has_all(values), ANSWER_S)
 
     # What is connected
 
@@ -522,12 +523,12 @@ class Drone:
         diary, self.diary = self.diary, None
         why = diary.end() if diary else ""
         if why:
-            say(f"the samples could not be kept as they came: {why}")
+            say(f"the samples could not be stored during the flight: {why}")
         log_file = diary.log_file if diary else self.log_file
         hangs = diary and diary.thread.is_alive()
         if hangs or not attempt("writing the log", self._write, log_file):
             elsewhere = os.path.join(tempfile.gettempdir(), os.path.basename(log_file))
-            if not attempt("writing it elsewhere", self._write, elsewhere):
+            if not attempt("writing the log to another folder", self._write, elsewhere):
                 say(f"log: {diary.path}" if diary and not why else "the log of this flight is lost")
 
     def _write(self, log_file):
@@ -571,8 +572,8 @@ class Drone:
         falls = "" if self.lifted_s is None else ": it falls"
         lasting = [  # what is wrong, whether it is, for how long it may be
             (f"the firmware has stopped the motors, {self.faults()}{falls}", bool(self.faults()), 0.0),
-            ("the drone reports nothing of " + self.silent(), bool(self.silent()), 0.0),
-            ("what the drone reports is no number", not all(map(math.isfinite, judged)),
+            ("the drone does not send log data: " + self.silent(), bool(self.silent()), 0.0),
+            ("the drone reports a value that is not a number", not all(map(math.isfinite, judged)),
              LIMITS["wrong_s"]),
             ("the battery is empty", read("pm.vbat", 9.0) < LIMITS["critical_v"], LIMITS["wrong_s"]),
             ("the battery is low", read("pm.vbat", 9.0) < LIMITS["low_v"], LIMITS["low_s"]),
@@ -678,7 +679,7 @@ def connected(drone, mode, controller, set_gains):
                      "known or measured", True))
         if DATA["trajectory"]["turns"]:
             since, number = LIMITS["heading_release"], release(firmware)
-            rows.append(("heading on board", firmware or "no answer", f"{since} or newer, which reads it",
+            rows.append(("heading on board", firmware or "no answer", f"{since} or newer",
                          bool(number and number >= release(since))))
     for what, decks in LIMITS["decks"]:
         found = [d for d in decks if drone.knows_param(f"deck.{d}") and drone.value(f"deck.{d}")]
@@ -687,7 +688,7 @@ def connected(drone, mode, controller, set_gains):
     rows.append(("names in the firmware", f"without {', '.join(missing[:4])}" if missing else "all",
                  "all", not missing))
     apart = gains_apart(drone, controller)
-    text = ", ".join(f"{name} {found:g} for {wanted:g}" for name, found, wanted in apart[:3])
+    text = ", ".join(f"{name} {found:g} instead of {wanted:g}" for name, found, wanted in apart[:3])
     more = f" and {len(apart) - 3} more" if len(apart) > 3 else ""
     rows.append(("gains", text + more or "as checked",
                  "as checked, or --set-gains", not apart or set_gains))
@@ -700,7 +701,7 @@ def state(drone):
     names = [name for block in WATCH.values() for name in block]
     missing = ", ".join(name for name in names if name not in drone.latest) or drone.silent()
     if missing:
-        return [("log", f"nothing of {missing}", "packets of the drone", False)]
+        return [("log", f"no log data: {missing}", "log data of the drone", False)]
     bad = drone.faults()
     ready = drone.has(CAN_FLY) or drone.has(CAN_BE_ARMED)
     rows = [("state", bad or ("can fly" if ready else "cannot fly"), "can fly",
@@ -720,7 +721,7 @@ def state(drone):
     most = math.degrees(LIMITS["level_rad"])
     rows.append(("roll, pitch", f"up to {lean:.0f}°", f"up to {most:.0f}°", lean <= most))
     volts, least_v = read("pm.vbat"), LIMITS["rest_v"]
-    rows.append(("battery at rest", f"{volts:.2f} V", f"{least_v:.2f} V" if least_v else "a larger one",
+    rows.append(("battery at rest", f"{volts:.2f} V", f"{least_v:.2f} V" if least_v else "a larger battery",
                  least_v is not None and volts >= least_v))
     return rows
 
@@ -729,14 +730,15 @@ HINTS = {
     "drone": "export for this drone: --scene cf21 or cf-brushless",
     "firmware": "update it with cfclient",
     "heading on board": "update the firmware with cfclient, or fly --mode position or full-state",
-    "names in the firmware": "fly the release for which this was made",
-    "gains": "export with the drone's gains, or fly with --set-gains, which puts them back later",
-    "state": "set it upright; switch it off and on again",
-    "position known within": "is the positioning system on, and its geometry on the drone?",
-    "place": "carry it there",
-    "nose, left of x": "turn it",
-    "roll, pitch": "put it on a level place",
-    "battery at rest": "charge it: the flight would take it below the firmware's low voltage",
+    "names in the firmware": "install the firmware release for which this script was exported",
+    "gains": "export with the drone's gains, or fly with --set-gains, which restores them later",
+    "state": "set the drone upright, and switch it off and on again",
+    "position known within": "is the positioning system on, and is its geometry on the drone?",
+    "place": "carry the drone to the start of the plan",
+    "nose, left of x": "turn the drone",
+    "roll, pitch": "put the drone on level ground",
+    "battery at rest": ("charge it, because the flight would drain it below the firmware's low-battery "
+                        "voltage"),
     "log": "is the radio too far away?",
 }
 
@@ -796,7 +798,7 @@ def known_rate(rate):
     for known in (1.0, LIMITS["slow_clock"]):
         if abs(rate - known) < 0.004:
             return known
-    raise Stopped(f"the clock on board runs at {rate:.4f} of true time: no firmware is known to")
+    raise Stopped(f"the clock on board runs at {rate:.4f} of true time, unlike that of any known firmware")
 
 
 def on_board(mode):
@@ -890,16 +892,16 @@ def fly(drone, mode, controller, clock=None, begin=lambda: None, ended=lambda: N
 
 
 # What a drone does that nothing can be sent to anymore.
-ON_THE_FLOOR = ("nothing was started, the drone stands on the floor, maybe armed: where propellers turn, the "
-                "firmware stops them after 30 s. Switch it off before you touch it")
-FOUND = "it was found again to land"
+ON_THE_FLOOR = ("no flight was started: the drone is on the floor, and may be armed. If its propellers "
+                "turn, the firmware stops them after 30 s. Switch the drone off before you touch it")
+FOUND = "reconnected to the drone, which lands"
 WITHOUT_LINK = [
-    "the firmware levels the drone out after 0.5 s and stops its motors after 2 s: it falls",
+    "the firmware levels the drone out after 0.5 s and stops its motors after 2 s, so that it falls",
     "the drone flies to the end of its trajectory, hovers for 3 s and lands by itself, and 2 s later "
     "the firmware stops its motors and locks it",
 ]
-STAY = ("Stay behind the net until the propellers stand still; should they not, wait until the "
-        "battery is empty")
+STAY = ("Stay behind the net until the propellers stand still. If they do not stop, wait until the battery "
+        "is empty")
 
 
 def without_link(drone, mode):
@@ -907,7 +909,7 @@ def without_link(drone, mode):
     if drone.lifted_s is None:
         return ON_THE_FLOOR
     ifs = [] if drone.heard(drone.lifted_s) else ["it has taken off"]
-    ifs += [] if drone.landing_s is None else ["it has not heard the landing"]
+    ifs += [] if drone.landing_s is None else ["it has not received the landing command"]
     known = f"if {' and '.join(ifs)}, " if ifs else ""
     return f"{known}{WITHOUT_LINK[mode == 'trajectory']}. {STAY}"
 
@@ -976,7 +978,7 @@ def come_down(drone, mode):
     if killed:
         drone.may_fly = drone.may_fly and not drone.hears(sent_s)
         words = "motors stopped" if not drone.may_fly else (
-            f"nothing is heard of the drone, maybe not the stop of its motors either. {STAY}")
+            f"the drone does not respond, and may not have received the command to stop its motors. {STAY}")
         say(words)
     return words
 
@@ -997,12 +999,14 @@ def land(drone, mode):
                 fell = drone.faults() if not before else ""
                 return f"the firmware stopped the motors, {fell}" if fell else words
             if drone.landing_s is not None and drone.heard(drone.landing_s):
-                return f"the link was lost as it came down: it heard the landing, and lands by itself. {STAY}"
+                return ("the link was lost during the landing: the drone has received the landing "
+                        f"command, and lands by itself. {STAY}")
         words = regain(drone, mode)
         if words != FOUND:
             return words
     drone.may_fly = False
-    return f"after three landings it still reads {drone.latest['stateEstimate.z']:.2f} m: motors stopped"
+    return ("after three landing commands, the drone still reports a height of "
+            f"{drone.latest['stateEstimate.z']:.2f} m: motors stopped")
 
 
 def send_landing(drone, mode):
@@ -1020,25 +1024,25 @@ def regain(drone, mode):
     """Seeks a new link to a drone that may be in the air, and lands it. Returns what it says of itself,
     or what is known without."""
     was_up = drone.was_up()
-    say(f"nothing is heard of the drone. {STAY}")
-    if not drone.connect or not attempt("seeking a new link", drone.reconnect):
+    say(f"the drone does not respond. {STAY}")
+    if not drone.connect or not attempt("opening a new link", drone.reconnect):
         return without_link(drone, mode)
     # A drone that the watchdog has not stopped yet is not asked first whether it flies.
     in_time = drone.clock() - drone.heard_last_s < WATCHDOG_S and drone.heard(drone.lifted_s)
     if mode != "trajectory" and in_time:
         send_landing(drone, mode)
-    attempt("asking the drone", drone.start_watch)
-    attempt("asking the drone", drone.wait_for, lambda: "supervisor.info" in drone.latest, ANSWER_S)
+    attempt("querying the drone", drone.start_watch)
+    attempt("querying the drone", drone.wait_for, lambda: "supervisor.info" in drone.latest, ANSWER_S)
     if "supervisor.info" not in drone.latest:
         send_landing(drone, mode)
-        return f"there is a new link, but the drone says nothing. {STAY}"
+        return f"there is a new link, but the drone sends no state. {STAY}"
     if drone.has(FLYING):
         return FOUND
     drone.may_fly = False
     if drone.faults():
         fell = ": it has fallen" if was_up and mode != "trajectory" else ""
-        return f"it was found again, and the firmware has stopped its motors, {drone.faults()}{fell}"
-    return "it was found again, does not fly, and its motors are off"
+        return f"reconnected: the firmware has stopped its motors, {drone.faults()}{fell}"
+    return "reconnected: the drone does not fly, and its motors are off"
 
 
 def darken(drone, mode):
@@ -1101,12 +1105,12 @@ def check_geometry(drone):
     rows, most_m = [], LIMITS["corner_m"]
     for number, corner in enumerate(DATA["corners_m"], 1):
         place = ", ".join(f"{v:.2f}" for v in corner)
-        typed = input(f"Corner {number} of 4: the drone at ({place}) m, nose as in the flight? "
-                      "Enter reads; or type where it stands instead, as x, y, z: ")
+        typed = input(f"Corner {number} of 4: hold the drone at ({place}) m, with the nose as in the "
+                      "flight, and press Enter, or type its actual position as x, y, z: ")
         if typed.strip():
             corner = [float(part) for part in typed.replace(",", " ").split()]
             if len(corner) != 3:
-                raise Stopped(f"{typed.strip()!r} is no place: three numbers in meters are wanted")
+                raise Stopped(f"{typed.strip()!r} is not a position: wanted three numbers in meters")
         drone.wait_until(drone.clock() + 2.0, watching=False)
         readings = []
         for _ in range(10):
@@ -1116,7 +1120,7 @@ def check_geometry(drone):
         off_m = math.dist(read, corner)
         rows.append((number, *(f"{r:.3f} ({w:.3f})" for r, w in zip(read, corner)),
                      f"{100 * off_m:.1f} cm", "ok" if off_m <= most_m else "NO"))
-    say(table([("corner", "x read (wanted)", "y", "z", "off", ""), *rows]))
+    say(table([("corner", "x measured (wanted)", "y", "z", "off", ""), *rows]))
     if any(row[-1] == "NO" for row in rows):
         raise Stopped(f"the geometry is off by more than {100 * most_m:.0f} cm: estimate it again, "
                       "with the origin in the middle of the room's floor")
@@ -1127,21 +1131,21 @@ def check_geometry(drone):
 
 def options(parser):
     parser.add_argument("--mode", choices=["position", "full-state", "trajectory"],
-                        default=DATA["mode"], help="what is sent (default: %(default)s)")
+                        default=DATA["mode"], help="setpoints to send (default: %(default)s)")
     parser.add_argument("--controller", type=int, default=DATA["controller"], metavar="N",
                         help="stabilizer.controller: 1 PID, 2 Mellinger, 5 Lee, or the number of "
-                             "your own in your firmware (default: %(default)s)")
+                             "a custom controller in the firmware (default: %(default)s)")
     parser.add_argument("--set-gains", action="store_true",
-                        help="give the drone the gains that were checked, and put its own back")
+                        help="set the checked gains, and restore the drone's own after landing")
     parser.add_argument("--accept", action="append", default=[], metavar="WHAT",
-                        help="fly although this row of the table is not as wanted")
+                        help="fly although this row of the table is not as required")
     parser.add_argument("--dry-run", action="store_true", help="print what would be sent")
 
 
 def settings(args, parser):
     """Mode and controller as they were typed."""
     if args.controller is None:
-        parser.error("this plan is for a controller of your own: say its number with --controller")
+        parser.error("this plan is for a controller of your own: pass its number as --controller")
     mode = args.mode.replace("-", "_")
     if args.mode in DATA["refused"]:
         parser.error(f"--mode {args.mode}: {DATA['refused'][args.mode]}")
@@ -1179,7 +1183,7 @@ def opened(links, uri, wait=True):
     except Exception as error:
         # cflib adds its traceback.
         why = str(error).splitlines()[0] if str(error) else repr(error)
-        hint = ": plug it in, and see that nothing else uses it" if "Crazyradio" in why else ""
+        hint = ": plug the radio in, and close other programs that use it" if "Crazyradio" in why else ""
         raise Stopped(f"no link to {uri}: {why}{hint}") from None
     end_s = time.monotonic() + CONNECT_S
     while wait and not link.is_params_updated():
@@ -1192,19 +1196,20 @@ def opened(links, uri, wait=True):
 def room():
     """The room in which the flight was checked, in words."""
     if DATA["room_m"] is None:
-        return "The origin is where the positioning says; the flight was checked without a room."
+        return "The flight was checked without a room. The origin is that of the positioning system."
     w, d, h = DATA["room_m"]
-    return (f"The flight was checked in a room of {w:g} x {d:g} x {h:g} m. The origin of the "
-            f"positioning is the middle of its floor, {w / 2:g} m from the walls at left and right and "
-            f"{d / 2:g} m from those in front and behind; x to the right of the photographer.")
+    return (f"The flight was checked in a room of {w:g} x {d:g} x {h:g} m. The origin of the positioning "
+            f"system must be the middle of the floor, {w / 2:g} m from the left and right walls and "
+            f"{d / 2:g} m from the front and back walls, with x to the right of the photographer.")
 
 
 def main():
     parser = argparse.ArgumentParser(description="Writes a word with light.")
     parser.add_argument("--uri", default=DATA["uri"], help="address (default: %(default)s)")
-    parser.add_argument("--log", default=DATA["log"], help="file for the flight (%(default)s)")
+    parser.add_argument("--log", default=DATA["log"], help="file for the log (default: %(default)s)")
     parser.add_argument("--check-geometry", action="store_true",
-                        help="compare what the drone reads at the corners of the canvas, and end")
+                        help=("compare the positions that the drone reports at the corners of the canvas, "
+                              "and exit"))
     options(parser)
     args = parser.parse_args()
     mode, controller = settings(args, parser)
@@ -1228,20 +1233,20 @@ def main():
                     return check_geometry(drone)
                 prepare(drone, mode, controller, args.set_gains, args.accept)
                 say(room())
-                input("Is that so, the shutter ready, everyone behind the net? Enter takes off, "
-                      "Ctrl-C ends. ")
+                input("Is this correct, is the shutter ready, and is everyone behind the net? Press Enter "
+                      "to take off, or Ctrl-C to exit. ")
                 still_ready(drone, args.accept)
                 with landing_on_signals([drone]):
                     fly(drone, mode, controller)
                 with contextlib.suppress(EOFError, OSError):
-                    input("Landed. Close the shutter; Enter puts the lamps back as they were. ")
+                    input("Landed. Close the shutter, and press Enter to restore the lamps. ")
             finally:
                 drone.put_back(lamps=False)
                 drone.put_back(lamps=True)
     except KeyboardInterrupt:
         raise SystemExit("stopped by Ctrl-C") from None
     except EOFError:
-        raise SystemExit("error: no key can be pressed here: start it in a terminal") from None
+        raise SystemExit("error: keys cannot be pressed here: start the script in a terminal") from None
     except Stopped as stopped:
         raise SystemExit(f"error: {stopped}") from None
 

@@ -1,18 +1,19 @@
 #!/usr/bin/env python3
 """Writes a word with light in Crazyswarm2.
 
-Made by noctograph. Start the server with the crazyflies.yaml beside this script,
+Made by noctograph. Start the server with the crazyflies.yaml beside this script:
     ros2 launch crazyflie launch.py crazyflies_yaml_file:=FOLDER/crazyflies.yaml mocap:=False
-and, in another terminal with Crazyswarm2's workspace sourced, say which release of the firmware the
-drones have (cfclient shows it):
+In another terminal with Crazyswarm2's workspace sourced, name the firmware release of the drones
+(cfclient shows it):
     python3 SCRIPT --firmware 2026.08
 
-Each drone stands where its plan takes off, its nose along the world's x axis, or turned to the left
-as far as the script says. Nothing moves before you press Enter. Ctrl-C, `kill` and a closed window
-land all drones; a second Ctrl-C, half a second later or more, cuts their motors, and they fall. The landing of Crazyswarm2 turns every nose to the x axis;
-before it points as the plan says. A drone that hears nothing more flies to the end of its trajectory,
-lands 3 s later by itself, and 2 s after that the firmware stops its motors and locks it: stay behind
-the net until the propellers stand still.
+Place each drone at the start of its plan, with its nose along the world's x axis, or turned to the left
+by the angle in the table that the script prints. Nothing moves before you press Enter. Ctrl-C, `kill`
+and a closed window land all drones. A second Ctrl-C, at least half a second later, stops their motors,
+so that the drones fall. The noses point as the plan says until Crazyswarm2's landing turns them to the x
+axis. A drone that receives no more commands flies to the end of its trajectory and lands by itself 3 s
+later. Two seconds after that, the firmware stops its motors and locks it. Stay behind the net until the
+propellers stand still.
 """
 
 import argparse
@@ -140,8 +141,8 @@ class Member:
             if topic not in self.heard or stamp != self.heard[topic][0]:
                 self.heard[topic] = (stamp, now_s)
             if now_s - self.heard[topic][1] > DATA["silent_s"]:
-                alone = ("; if it took off and hears nothing, it flies to the end and lands by itself: "
-                         "stay behind the net until its propellers stand still")
+                alone = ("; if the drone took off and receives no command, it flies to the end and lands "
+                         "by itself: stay behind the net until its propellers stand still")
                 raise Stopped(f"{self.name()}: no {topic} topic for {DATA['silent_s']:.0f} s"
                               + alone * self.airborne)
         if self.faults():
@@ -150,7 +151,7 @@ class Member:
         wrong = {
             "the battery is empty": not status["battery"] >= DATA["critical_v"],
             "the position is lost": not all(v <= DATA["lost_m2"] for v in self.logged[:3]),
-            "outside the volume that was checked": not self.is_inside(),
+            "outside the checked volume": not self.is_inside(),
         }
         for what, is_wrong in wrong.items():
             since_s = self.wrong_s.setdefault(what, now_s) if is_wrong else now_s
@@ -235,8 +236,8 @@ class Flight:
                 wrong += [] if right else [f"{member.name()}: {what} is {found}, wanted {wanted}"]
         if wrong:
             raise Stopped("; ".join(wrong))
-        print(f"by eye: the drones are {DATA['platform']}, carry the lamps of the plan, and stand "
-              "with the room's middle as x = y = 0"
+        print(f"check by eye that the drones are {DATA['platform']}, carry the lamps of the plan, and "
+              "stand in a frame with the middle of the room at x = y = 0"
               + (f", a room of {'x'.join(f'{m:g}' for m in DATA['room_m'])} m" if DATA["room_m"]
                  else ""))
 
@@ -259,8 +260,8 @@ class Flight:
             if armed or member.is_down():
                 attempt(arm_or_disarm)
             else:
-                print(f"{member.name()}: not known to be down, and not disarmed: stay behind the net until "
-                      "its propellers stand still")
+                print(f"{member.name()}: it may be in the air, so it is not disarmed: stay behind the net "
+                      "until its propellers stand still")
 
     def fly(self):
         """Takes off, writes and lands."""
@@ -274,7 +275,7 @@ class Flight:
             self.wait_until(time.monotonic() + 1.0)
             for member in self.crew:
                 if not member.cf.get_status()["supervisor"] & CAN_FLY:
-                    raise Stopped(f"{member.name()}: armed, and still it cannot fly")
+                    raise Stopped(f"{member.name()}: armed, but it cannot fly")
             for member in self.crew:
                 member.airborne = True
             self.write()
@@ -327,12 +328,12 @@ class Flight:
             attempt(self.sleep, min(0.05, end_s - time.monotonic()))
             if PRESSES.count() and not asked:
                 asked = True
-                print("landing; Ctrl-C again cuts the motors")
+                print("landing; press Ctrl-C again to stop the motors")
             if PRESSES.count() > 1:
                 for member in self.crew:
                     attempt(member.cf.emergency)
                     member.airborne = False
-                return print("motors cut")
+                return print("motors stopped")
 
 
 def clock_rate(text):
@@ -369,7 +370,8 @@ def main(arguments=None):
     try:
         flight = Flight(swarm, rate, (LogDataGeneric, PoseStamped), Trajectory, spin_once)
         flight.prepare()
-        input("Shutter ready, everyone behind the net? Enter takes off, Ctrl-C ends. ")
+        input("Is the shutter ready, and is everyone behind the net? Press Enter to take off, or Ctrl-C to "
+              "exit. ")
         for name in ("SIGINT", "SIGTERM", "SIGHUP"):
             signal.signal(getattr(signal, name), PRESSES.received)
         flight.fly()

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Flies several drones that write one word together: one script of noctograph for each.
+"""Flies several drones that write one word together, each with a script that noctograph exported.
 
     python3 LAUNCHER --dry-run
     python3 LAUNCHER radio://0/80/2M/E7E7E7E701 radio://0/80/2M/E7E7E7E702
 
-One radio serves up to four drones. Each is judged as its script does, and all wait for one Enter.
-Ctrl-C lands all of them, and so does the end of one of them before its time. Only a second Ctrl-C, half
-a second after the first or later, stops their motors.
+One radio serves up to four drones. Each drone is checked by its script, and all take off after one press
+of Enter. Ctrl-C lands all drones, and they also land if one of them ends its flight early. A second
+Ctrl-C, at least half a second after the first, stops their motors.
 """
 
 import argparse
@@ -73,13 +73,13 @@ def fly_all(crew, args):
     together(prepare, crew)
     barrier = threading.Barrier(len(crew), timeout=20.0)
     print(script.room())
-    input(f"Is that so, and are {len(crew)} drones ready? Enter takes off, Ctrl-C ends. ")
+    input(f"Is this correct, and are {len(crew)} drones ready? Press Enter to take off, or Ctrl-C to exit. ")
     for part, drone, _ in crew:
         part.still_ready(drone, args.accept)
     with script.landing_on_signals(drones):
         together(fly, crew)
     with contextlib.suppress(EOFError, OSError):
-        input("Landed. Close the shutter; Enter puts the lamps back as they were. ")
+        input("Landed. Close the shutter, and press Enter to restore the lamps. ")
 
 
 def main():
@@ -90,7 +90,7 @@ def main():
     scripts[0].options(parser)
     args = parser.parse_args()
     if len(args.uris) != len(scripts):
-        parser.error(f"{len(scripts)} addresses are wanted")
+        parser.error(f"{len(scripts)} addresses are required")
     chosen = [script.settings(args, parser) for script in scripts]
     if args.dry_run:
         for script, name, (mode, controller) in zip(scripts, SCRIPTS, chosen):
@@ -122,7 +122,7 @@ def main():
     except KeyboardInterrupt:
         raise SystemExit("stopped by Ctrl-C") from None
     except EOFError:
-        raise SystemExit("error: no key can be pressed here: start it in a terminal") from None
+        raise SystemExit("error: keys cannot be pressed here: start the script in a terminal") from None
     except SystemExit:
         raise
     except Exception as error:

@@ -56,7 +56,7 @@ settings! {
         "poly4d" => Poly4d,
         /// Trajectories, crazyflies.yaml and a script for Crazyswarm2.
         "crazyswarm2" => Crazyswarm2,
-        /// Skybrush show with the photographer's camera.
+        /// Skybrush show, including the photographer's camera.
         "skyc" => Skyc,
         /// Show for viewers of drone shows.
         "vviz" => Vviz,

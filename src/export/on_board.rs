@@ -26,7 +26,7 @@ const JERK_DIFFERENCE_S: f64 = 1e-3 / 3.0;
 settings! {
     /// Form of an onboard trajectory.
     pub enum Form {
-        /// Bézier curves with whole millimeters.
+        /// Bézier curves in whole millimeters.
         "compressed" => Compressed,
         /// Polynomials of degree 7.
         "poly4d" => Poly4d,

@@ -193,7 +193,7 @@ fn refused(part: &str, font: &Font, n_before: usize, unset: Unset) -> Error {
         }
         Unset::Unshaped(_) => input_error!(
             place,
-            "a word that the rules of {name} expand without end",
+            "a word that the substitution rules of {name} expand endlessly",
             "a word of finite length",
             "use another font, or a shorter sequence of its letters",
         ),
@@ -202,7 +202,7 @@ fn refused(part: &str, font: &Font, n_before: usize, unset: Unset) -> Error {
             place,
             "{n} consecutive letters that touch each other",
             "fewer letters: touching ones form one outline of at most {MAX_POINTS} points",
-            "put a space or a line end between the letters",
+            "put a space or a line break between the letters",
         ),
     }
 }
@@ -213,11 +213,15 @@ fn missing(part: &str, font: &Font, position: usize, letter: char) -> Error {
     let single_line = Font::open(SINGLE_LINE, Trace::CenterLine).ok();
     let hint = if is_shaped(part) {
         format!(
-            "name a typeface for this script in letters.fallback, since {} has none",
+            "name a typeface for this script in letters.fallback, because {} has no letters of \
+             the script",
             font.name()
         )
     } else if single_line.is_some_and(|font| font.face.shape(letter).is_some()) {
-        format!("choose {SINGLE_LINE}, which has this letter, or add it to letters.fallback")
+        format!(
+            "choose {SINGLE_LINE}, which contains this letter, or add that font to \
+                 letters.fallback"
+        )
     } else {
         "add a typeface with this letter to letters.fallback, such as a Noto font".to_owned()
     };

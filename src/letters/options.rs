@@ -14,7 +14,7 @@ settings! {
         /// `simplex` (a single-line alphabet), or a file `*.strokes`, `*.ttf` or `*.otf`.
         font: String = "ae483".into();
         /// Fonts for letters that the font lacks, such as a typeface of another script. The first
-        /// font that has a letter is used.
+        /// font that contains a letter is used.
         fallback: Vec<String> = Vec::new(), unless "letters.drawing";
         /// Lines that are drawn from a typeface or a picture.
         trace: Trace = Trace::CenterLine;
@@ -22,11 +22,11 @@ settings! {
         /// `*.gif` or `*.bmp`, or handwriting `*.json`. Empty for none.
         drawing: String = String::new();
         /// SHA-256 that the drawing's file must have. An empty digest is not checked. Commands
-        /// write the digest into their scene.
+        /// write the digest into the scenes that they write.
         drawing_sha256: String = String::new(), for "letters.drawing";
-        /// Corners of the sheet of paper in a picture, by which it is cropped and rectified: x and
-        /// y of the upper left, upper right, lower right and lower left corner, in the picture's
-        /// pixels. By default the whole picture is drawn.
+        /// Corners of the sheet of paper in a picture, to which the picture is cropped and
+        /// rectified: x and y of the upper left, upper right, lower right and lower left corner, in
+        /// the picture's pixels. By default the whole picture is drawn.
         corners_px: Option<[f64; 8]> = None, in -1e5..=1e5, for "letters.drawing";
         /// Detail of an SVG drawing or a picture. 1 draws every stroke. Below 1, strokes that
         /// continue each other are joined, short ones are dropped, and all are smoothed. 0 sketches
@@ -60,7 +60,7 @@ settings! {
         align: Align = Align::Ae483;
         /// Maximum width and height. A larger text is broken at spaces if that keeps its letters
         /// larger, and is then scaled down. A drawing fills the canvas, or four cap heights by one
-        /// if this is left out.
+        /// if the canvas is left out.
         canvas_m: Option<[f64; 2]> = None, in 0.01..=1000.0;
         /// Size of the text on the canvas.
         fit: Fitting = Fitting::Shrink, for "letters.canvas_m", unless "letters.drawing";

@@ -137,10 +137,10 @@ impl Located {
             let refused_percent = 100.0 * link.refused as f64 / link.ranges as f64;
             let [median_cm, scatter_cm] = [link.median_m, link.scatter_m].map(|m| CM_PER_M * m);
             format!(
-                "{}: {refused_percent:.0} % of the ranges refused, residuals with a median of \
-                 {median_cm:+.1} cm and a scatter of {scatter_cm:.1} cm: the range is biased, its \
-                 error changes, an anchor is not at its position in the file, or the clocks do \
-                 not agree",
+                "{}: {refused_percent:.0} % of the ranges are refused, and the residuals have a \
+                 median of {median_cm:+.1} cm and a scatter of {scatter_cm:.1} cm: the range is \
+                 biased, its error changes, an anchor is not at its position in the file, or the \
+                 clocks do not agree",
                 link.link
             )
         });

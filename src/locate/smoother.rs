@@ -28,8 +28,8 @@ const MOST_RANGES: usize = 1_500_000;
 /// Maximum number of multiplications in a pass, [`work`], which take a few seconds. Ten minutes of
 /// three drones with eight anchors at 50 Hz require 2.4·10⁹.
 const MOST_WORK: f64 = 4e9;
-const FEWER: &str = "cut the logs to one flight, log more slowly, or locate fewer drones at a \
-                     time: drones without ranges between them can be located one by one";
+const FEWER: &str = "cut the logs to one flight, reduce the logging rate, or locate fewer drones \
+                     at a time: drones without ranges between them can be located one by one";
 
 /// Options of [`locate`].
 #[derive(Clone, Copy, Debug, PartialEq)]

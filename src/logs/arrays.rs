@@ -69,8 +69,8 @@ fn repeated_times(samples: &[FlightSample]) -> Option<Diagnostic> {
     let steps = samples.len() - 1;
     (repeats as f64 > FEW_REPEATS * steps as f64).then(|| {
         let text = format!(
-            "{repeats} of {steps} times repeat the one before, at another position: are they \
-             timestamps in float32? Subtract the first one in float64"
+            "{repeats} of {steps} timestamps equal the one before, at another position: are they \
+             in float32? Subtract the first timestamp in float64"
         );
         Diagnostic::warning("time-repeated", text)
     })
@@ -87,8 +87,8 @@ fn far_design(samples: &[FlightSample]) -> Option<Diagnostic> {
     let median_m = *distances_m.get(samples.len() / 2)?;
     (median_m > FAR_M).then(|| {
         let text = format!(
-            "the design is {median_m:.1} m from the flown positions (median): is it in the same \
-             units and axes, and of this flight?"
+            "the design is {median_m:.1} m from the flown positions (median): does it have the \
+             same units and axes, and belong to this flight?"
         );
         Diagnostic::warning("design-far", text)
     })

@@ -183,7 +183,7 @@ fn clock_rate(log: &mut Recording, assumed: Option<Release>) -> f64 {
         }
         (Some((rate, block)), Some((release, firmware))) => {
             let is_odd = rate != release.clock();
-            let odd = if is_odd { ", other than in firmware " } else { " and in firmware " };
+            let odd = if is_odd { ", unlike in firmware " } else { " and in firmware " };
             let why = format!("as the period of block {block} shows{odd}{firmware}, which flew");
             (rate, is_odd, why)
         }
@@ -328,7 +328,7 @@ mod tests {
         assert_eq!(on_card(0.01, None, &options), (1.0, String::new()));
         assert_eq!(on_card(0.01, Some("2027.01"), &options), (1.0, String::new()));
         let (stretched, said) = on_card(0.01, Some("2025.12"), &options);
-        assert!(stretched == 1.0 && said.contains("other than in firmware 2025.12"), "{said}");
+        assert!(stretched == 1.0 && said.contains("unlike in firmware 2025.12"), "{said}");
         let told = ImportOptions { clock_ratio: Some(1.0), ..options };
         assert_eq!(on_card(0.00988, None, &told), (1.0, String::new()), "as told");
     }

@@ -165,7 +165,7 @@ fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
             return Err(error.coded("axes-unknown").in_file(&recording.file, None));
         }
         (true, false) => {
-            let down = format!("goes down to z = {lowest_m:.2} m from where it starts or ends");
+            let down = format!("goes down to z = {lowest_m:.2} m, below its start and end");
             (Axes::ZDown, format!("since it {down}"))
         }
         (false, true) => (Axes::YUp, "because it takes off and lands only along y".to_owned()),

@@ -45,8 +45,8 @@ pub(super) fn restored(mut log: Recording) -> Recording {
     if !restored.is_empty() {
         let (last, list) = (Feature::HALF_PRECISION.last_without().name(), restored.join(", "));
         let text = format!(
-            "samples that are half of both their neighbors are doubled, as values of half precision \
-             (FP16) that lost a carry in firmware up to {last}: {list}"
+            "samples that are half of both their neighbors are doubled, because firmware up to \
+             {last} loses a carry when it rounds to half precision (FP16): {list}"
         );
         log.warn("half-precision", text);
     }

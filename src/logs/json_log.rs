@@ -415,9 +415,8 @@ impl<'a> Reader<'a> {
     fn cut_to_shorter(&mut self, name: &str, time_s: &mut Vec<f64>, values: &mut Vec<f64>) {
         let (n_time, n_data) = (time_s.len(), values.len());
         if n_time != n_data {
-            let text = format!(
-                "{name}: {n_time} times for {n_data} values, of which the longer list is cut"
-            );
+            let text =
+                format!("{name}: {n_time} times for {n_data} values: the longer list is cut");
             self.log.warn("lists-unequal", text);
         }
         time_s.truncate(n_data);

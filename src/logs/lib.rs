@@ -119,7 +119,8 @@ settings! {
 
     /// Unit of timestamps.
     pub enum TimeUnit {
-        /// From the title, or else from the steps, since a drone is logged every 0.1 ms to 2.55 s.
+        /// From the title, or else from the steps, because a drone is logged every 0.1 ms to 2.55
+        /// s.
         "auto" => Auto,
         /// Seconds.
         "s" => Seconds,
@@ -161,7 +162,8 @@ settings! {
 
     /// Source of the true position.
     pub enum PositionSource {
-        /// First of the sources below that is logged and not frozen while others move.
+        /// First of the following sources that is logged and does not stand still while others
+        /// move.
         "best" => Best,
         /// Motion capture.
         ///
@@ -180,7 +182,8 @@ settings! {
         ///
         /// From `lighthouse` or `ae483log.lh_x`.
         "lighthouse" => Lighthouse,
-        /// The estimate in flight: custom, or else firmware, or that of a flight file.
+        /// Estimate that the drone used in flight: custom, or else firmware, or that of a flight
+        /// file.
         "estimate" => Estimate,
     }
 

@@ -48,7 +48,7 @@ pub(super) fn capture(text: &[u8], file: &str) -> Result<Option<(Head, Capture)>
     let Some(head) = head else {
         let wanted = "a line that begins with Frame, above the rows";
         let hint = "export the take again, with its header";
-        return Err(Error::input(file, "the head of a motion capture alone", wanted, hint));
+        return Err(Error::input(file, "only the header of a motion capture", wanted, hint));
     };
     let line = start.lines().nth(head).unwrap_or_default();
     read(file, &lines, head, Separator::most_in(line.as_bytes())).map(Some)

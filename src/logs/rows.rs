@@ -67,7 +67,7 @@ pub(super) fn check_owners(title: &str, owners: &[String], file: &str) -> Result
         return Ok(());
     }
     let rows = format_args!("rows of several drones ({})", shortened(owners));
-    let hint = "write the rows of one drone to a separate file, and import that";
+    let hint = "write the rows of one drone to a separate file, and import this file";
     Err(Error::input(format!("column {title}"), rows, "those of one", hint).in_file(file, None))
 }
 

@@ -434,8 +434,8 @@ impl<'a> Search<'a> {
         }
         let first_s = x.time_s[lost.iter().position(|lost| *lost).unwrap_or(0)] - x.time_s[0];
         let text = format!(
-            "{count} of {n} positions are 0, 0, 0, where the drone would have jumped (first: \
-             {first_s:.2} s after the first): they are left out"
+            "{count} of {n} positions are 0, 0, 0, which the drone could only have reached by \
+             jumping (first: {first_s:.2} s after the first sample): they are left out"
         );
         self.warn("position-lost", text);
         for channel in &mut channels {

@@ -140,7 +140,7 @@ fn subject_position(columns: &[Column]) -> Result<Renamed> {
     let parts = parts.filter(|(_, title)| POSITION.contains(&&*title.name));
     let names: Vec<&str> = parts.map(|(index, _)| &*columns[*index].name).collect();
     let hint = "name the columns of the drone's position x, y and z";
-    let wanted = "the position of one drone, under a known name";
+    let wanted = "the position of one drone, in columns with known names";
     Err(Error::input("columns", format!("the columns {}", names.join(", ")), wanted, hint))
 }
 

@@ -55,7 +55,7 @@ keys! {
     WordLong "word-long" 422 "the word is too long" "write a shorter word";
     WordEmpty "word-empty" 422 "there is no word" "type or draw something";
     LetterMissing "letter-missing" 422 "a letter cannot be written" "use another letter";
-    LettersMany "letters-many" 422 "too many of these letters follow each other" "write fewer";
+    LettersMany "letters-many" 422 "too many connected letters follow each other" "write fewer";
     DrawingEmpty "drawing-empty" 422 "the drawing has no lines to follow" "draw a line";
     DrawingBroken "drawing-broken" 422 "the drawing cannot be read" "use a plain SVG or JPEG";
     DrawingText "drawing-text" 422 "the drawing contains text" "convert the text to paths";

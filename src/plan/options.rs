@@ -23,8 +23,8 @@ settings! {
         drones: u32 = 1, in 1.0..=16.0;
         /// Position that is sent to the controller.
         reference: ReferenceKind = ReferenceKind::Design;
-        /// Mean of `flown - design` for each world axis in an earlier flight, which is subtracted
-        /// from the setpoints.
+        /// Mean difference between the flown and the designed position along each world axis in an
+        /// earlier flight, which is subtracted from the setpoints.
         mean_error_m: [f64; 3] = [0.0; 3], in -10.0..=10.0;
         /// Clock of the light commands.
         light_clock: LightClock = LightClock::Setpoint;

@@ -179,7 +179,7 @@ impl PySessions {
         }
         if let Some(row) = motors.iter().position(|row| row.iter().flatten().any(|m| m.is_nan())) {
             let actual = format!("NaN in row {row}");
-            let hint = "a motor command is a number: look for 0 / 0 and for logarithms";
+            let hint = "a motor command must be a number: look for 0 / 0 and for logarithms";
             return Err(refused(py, "motors", actual, "numbers", hint));
         }
         py.detach(|| {

@@ -163,7 +163,7 @@ impl Homography {
                 format!("{corners_px:?}"),
                 "the word's upper left, upper right, lower right and lower left corner, in pixels \
                  from the photo's upper left, which form a convex figure in this order",
-                "read off the corners of the word's box in the photo, clockwise from the upper left",
+                "pass the corners of the word's box in the photo, clockwise from the upper left",
             )
         })?;
         let mut image_from_plane =

@@ -250,7 +250,10 @@ fn n_ticks(plan: &Plan, rate_hz: u32) -> Result<u32> {
     let duration_s = plan.duration_s();
     if !(0.0..=MAX_DURATION_S).contains(&duration_s) {
         return Err(Error::infeasible(
-            format!("the plan lasts {duration_s} s, but the longest flight is {MAX_DURATION_S} s"),
+            format!(
+                "the plan lasts {duration_s} s, but a flight may last at most \
+                     {MAX_DURATION_S} s"
+            ),
             "write a shorter word, or raise plan.stroke_speed_m_s",
         )
         .coded(FLIGHT_LONG));

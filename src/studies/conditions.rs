@@ -175,7 +175,7 @@ impl Conditions {
     ///
     /// Returns [`Error::Input`] for an unknown key or a value out of range.
     pub fn parse(toml: &str, file: &str) -> Result<Self> {
-        let hint = "set keys such as motor_lag_s = 0.05; 0 switches one off";
+        let hint = "set keys such as motor_lag_s = 0.05. A value of 0 disables a condition";
         let keys: Vec<&str> = Self::SHAPE.settings().iter().map(|setting| setting.key).collect();
         // Unknown keys are checked first, because serde would not suggest the nearest key.
         let table: toml::Table = toml.parse().unwrap_or_default();

@@ -269,7 +269,7 @@ impl Evening {
             ("mass_frac", n, LEAST_FLIGHTS, spread(&thrusts), "thrust over weight"),
             ("center_of_mass_m", n, LEAST_FLIGHTS, trim_m, "trim that gusts do not explain"),
             ("motor_lag_s", n_lags, LEAST_FLIGHTS, lag_s, "spread of the rotors' lag"),
-            ("gust_m_s", n_gusts, 1, gust_m_s, "torque of uneven air"),
+            ("gust_m_s", n_gusts, 1, gust_m_s, "torque caused by uneven air"),
             ("radio_outage_s", n_gaps, 1, mean(&outages_s), "longest gaps, if one occurs in 10 s"),
         ];
         // A width is omitted if too few flights contribute to it.

@@ -191,7 +191,7 @@ pub fn spread(
         let lost = flights.iter().find_map(|flight| flight.shot.as_ref().err());
         return Err(Error::infeasible(
             format!("every flight is lost: {}", lost.map_or("", String::as_str)),
-            "fly the scene without varied conditions, or under milder ones",
+            "fly the scene without varied conditions, or under milder conditions",
         ));
     }
     let [varied, within] = [flown, flown_again].map(|fleets| {

@@ -89,7 +89,7 @@ fn add(known: &mut OutcomesByScene, record: Record, path: &Path) -> Result<bool>
             path.display(),
             "two outcomes of {word} with seed {seed}",
             "one outcome of each flight",
-            "remove the wrong line, or name another folder",
+            "remove the incorrect line, or name another folder",
         )),
     }
 }

@@ -146,7 +146,10 @@ fn a_telephone_is_told_what_it_lacks_and_no_aperture() {
     };
     let table = String::from_utf8(meter(&[])).unwrap().replace('\n', " ");
     assert!(table.contains("f/1.8 and ISO 50"), "{table}");
-    assert!(table.contains("neutral filter of") && table.contains("light-trail mode"), "{table}");
+    assert!(
+        table.contains("neutral-density filter of") && table.contains("light-trail mode"),
+        "{table}"
+    );
     assert!(!table.contains("f/5") && !table.contains("f/6"), "it has no such aperture: {table}");
     let json = json(&meter(&["--json", "--target-stops", "0"]));
     assert!(json["lamps"][0]["advice"]["f_number"].is_null(), "{json}");

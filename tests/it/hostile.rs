@@ -118,7 +118,7 @@ fn the_flight_of_another_photo_is_refused() {
     run(&[&["preview", "I"], &small[..], &["two", "--seed", "2"]].concat());
     let other = run(&["score", "one/photo.png", "--flight", "two/flight.csv"]).code(2);
     let error = String::from_utf8_lossy(&other.get_output().stderr).into_owned();
-    assert!(error.contains("two/flight.csv: found a flight of digest"), "{error}");
+    assert!(error.contains("two/flight.csv: found a flight with the digest"), "{error}");
     let own = run(&["score", "one/photo.png", "--flight", "one/flight.csv"]);
     assert_ne!(own.get_output().status.code(), Some(2));
 }

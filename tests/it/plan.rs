@@ -42,7 +42,7 @@ fn a_plan_that_outlasts_the_battery_is_named_before_it_is_flown() {
         let assert = noctograph(folder.path()).args(command).assert().success();
         let stderr =
             String::from_utf8_lossy(&assert.get_output().stderr).replace("\n         ", " ");
-        let is_named = stderr.contains("and the battery can hover for");
+        let is_named = stderr.contains("but the battery can hover for only");
         assert_eq!(is_named, warned, "{stderr}");
     }
 }

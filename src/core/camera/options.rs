@@ -78,8 +78,8 @@ settings! {
     pub enum Metering tagged {
         /// Off: the photographer sets `f_number` and `iso`.
         "off" => Off,
-        /// A light meter with steps of a third of a stop, which makes the brightest lamp's trail
-        /// white and glowing, and keeps the room dark regardless of the flight's duration.
+        /// A light meter with steps of a third of a stop. It makes the brightest lamp's trail white
+        /// and glowing, and keeps the room dark regardless of the flight's duration.
         "trail" => Trail(TrailMetering),
     }
 
@@ -115,8 +115,7 @@ settings! {
         fill_frac: f64 = 0.5, in 0.01..=1.0;
         /// Height of the camera, which is aimed at the middle of the word. If left out, the camera
         /// is at the height of the word's middle. The LED ring and the color LED deck appear
-        /// brighter from below. Seen from above, the drone hides the LED ring and the color LED
-        /// deck.
+        /// brighter from below, and are hidden by the drone from above.
         height_m: Option<f64> = None, in 0.0..=1000.0;
     }
 
@@ -187,7 +186,7 @@ impl CameraOptions {
         if distance_m.is_finite() && distance_m > 0.0 {
             return Ok(distance_m);
         }
-        let hint = "write something, or set camera.framing to fixed";
+        let hint = "name a word, or set camera.framing to fixed";
         let wanted = "a word in front of which the camera can be placed";
         Err(Error::input("camera.framing", "nothing written", wanted, hint))
     }

@@ -10,7 +10,7 @@ settings! {
     /// Releases of the Crazyflie's firmware, beginning with the oldest that can fly exported
     /// scripts. Each release includes its patches.
     pub enum Release {
-        /// Supports neither the Brushless nor Lee's controller.
+        /// Flies like 2024.10, but supports neither the Brushless nor Lee's controller.
         "2023.11" => R2023_11,
         /// Adds the Brushless and Lee's controller.
         "2024.10" => R2024_10,
@@ -23,9 +23,9 @@ settings! {
         /// Keeps the controller's integrals when the host falls silent, as all earlier releases do.
         "2026.04" => R2026_04,
         /// Resets all loops of `pid` when the kind of setpoint changes, which happens when the
-        /// drone levels out after an outage of the radio, when it returns from that, and when it
-        /// lands after full states. The heading of a compressed trajectory is correct. The clock is
-        /// slow by 1 in 85, as in all earlier releases.
+        /// drone levels out in a radio outage, when the setpoints return, and when the drone lands
+        /// after full states. The heading of a compressed trajectory is correct. The clock is slow
+        /// by 1 in 85, as in all earlier releases.
         "2026.08" => R2026_08,
         /// Flies like 2026.08, with a correct clock.
         "after-2026.08" => After2026_08,

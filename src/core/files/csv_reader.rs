@@ -200,7 +200,7 @@ impl Head {
         let notes = bare.into_iter().map(|index| {
             let line = String::from_utf8_lossy(lines[index]);
             let shown: String = line.trim().chars().take(MAX_NOTE_CHARS).collect();
-            format!("line {} precedes the head and is not read: {shown}", index + 1)
+            format!("line {} precedes the header and is not read: {shown}", index + 1)
         });
         let n_cells = separator.cells(lines[row]).count();
         let n_columns = if titles.is_empty() { n_cells } else { titles.len() };
@@ -335,7 +335,7 @@ impl Sheet {
                 values.zip(&row).for_each(|(values, value)| push(values, *value));
             } else if !sheet.push_row(line, line_number, head.separator, &mut number) {
                 let count = format!("{} of {n} cells", head.separator.cells(line).count());
-                let wanted = "as many cells as the head has titles";
+                let wanted = "as many cells as the header has titles";
                 let error = Error::input("row", count, wanted, hint);
                 return Err(error.in_file(file, line_number as u64));
             }

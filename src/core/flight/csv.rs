@@ -281,7 +281,7 @@ pub fn light_columns(table: &Table) -> Result<BTreeMap<String, Vec<f64>>> {
     for (channel, levels) in table.columns_after("light.").chain(bare) {
         if let Some(row) = levels.iter().position(|level| !(0.0..=1.0).contains(level)) {
             let (name, wanted) = (format!("light.{channel}"), "a level from 0 (off) to 1");
-            let hint = "1 is full light: divide bytes by 255";
+            let hint = "1 is full brightness: divide bytes by 255";
             return Err(table.wrong(&name, table.line(row), levels[row], wanted, hint));
         }
         if lights.insert(channel.to_owned(), levels.to_vec()).is_some() {

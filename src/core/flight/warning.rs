@@ -14,7 +14,10 @@ pub const BATTERY: [&str; 2] = ["battery-weak", "battery-empty"];
 
 /// Creates the warning that a motor was at its limit while the drone wrote.
 pub fn motor_at_limit(lasts_s: f64) -> Diagnostic {
-    let message = format!("a motor was at its limit for {lasts_s:.2} s while writing");
+    let message = format!(
+        "a motor was at its limit for {lasts_s:.2} s while the drone was \
+                           writing"
+    );
     Diagnostic::warning("motor-at-limit", message).with("lasts_s", lasts_s)
 }
 

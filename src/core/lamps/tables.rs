@@ -129,7 +129,7 @@ fn lit_by(
     fraction: f64,
     diameter_m: f64,
 ) -> Fixture {
-    let name = format!("{} off the {part}", led.name);
+    let name = format!("{} on the {part}", led.name);
     let dies = led.dies.iter();
     let dies = dies.map(|led| die(led.intensity_cd * fraction, led.chromaticity)).collect();
     Fixture { name, position_body_m, dies, diameter_m, depth_m: None, ..led.clone() }
@@ -175,9 +175,9 @@ pub fn led_ring() -> Vec<Fixture> {
         ..Fixture::default()
     }));
     for (name, position_body_m, intensity_cd, diameter_m, depth_m) in [
-        ("headlights off the body", [0.028, 0.0, 0.0], 0.13, 0.024, Some(0.025)),
-        ("headlight left off the motor", [MOTOR_M, MOTOR_M, 0.0], 0.03, 0.008, None),
-        ("headlight right off the motor", [MOTOR_M, -MOTOR_M, 0.0], 0.03, 0.008, None),
+        ("headlights on the body", [0.028, 0.0, 0.0], 0.13, 0.024, Some(0.025)),
+        ("headlight left on the motor", [MOTOR_M, MOTOR_M, 0.0], 0.03, 0.008, None),
+        ("headlight right on the motor", [MOTOR_M, -MOTOR_M, 0.0], 0.03, 0.008, None),
     ] {
         let dies = vec![die(intensity_cd, HEADLIGHT)];
         let lit = headlight(name, 0.0);

@@ -142,7 +142,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
                 }
                 tag if has(FOREIGN, tag) => return self.sign(node),
                 tag if has(ANIMATIONS, tag) => {
-                    self.named.add("an animation", "drawn as at its beginning", node);
+                    self.named.add("an animation", "drawn in its initial state", node);
                 }
                 tag if has(EMPTIED, tag) => {
                     self.only_first(node);
@@ -167,13 +167,13 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         };
         if self.styles.has_rule_of(id.value()) {
             let what = format!("the id {:?} a second time, with a style", id.value());
-            self.named.add(what, "references may go to it", node);
+            self.named.add(what, "references may use this element", node);
             return;
         }
         self.edits.push((id.range(), String::new()));
         if has(REFERRED, node.tag_name().name()) {
             let what = format!("the id {:?} again", id.value());
-            self.named.add(what, "references go to the first, as in browsers", node);
+            self.named.add(what, "references use the first one, as in browsers", node);
         }
     }
 
@@ -295,7 +295,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
                 && tag == "path"
                 && svgtypes::PathParser::from(value).any(|part| part.is_err()) =>
             {
-                ("incomplete path data".into(), "drawn up to there")
+                ("incomplete path data".into(), "drawn up to the error")
             }
             "pathLength"
                 if node

@@ -67,15 +67,15 @@ const RULED: Warning = (
 );
 const NOT_RULED: Warning = (
     "picture-not-ruled",
-    "{n} ruled lines of the paper are not drawn, which are lines from edge to edge that are paler \
-     than the rest",
+    "{n} ruled lines of the paper, which run from edge to edge and are paler than the rest, are \
+     not drawn",
 );
 const COLORS_TOUCH: Warning =
     ("picture-colors-touch", "touching areas of different colors are drawn as one: leave gaps");
 const TOO_FINE: Warning = (
     "picture-fine",
-    "light fills the gaps in so fine a picture ({n} lines), so a QR code, for example, \
-     cannot be scanned",
+    "in a picture with {n} lines, light fills the gaps, so a QR code, for example, cannot be \
+     scanned",
 );
 
 /// Minimum chroma of a colored ink, relative to its contrast, and relative to the paper's

@@ -230,7 +230,7 @@ fn declarations<'a>(
     budget.steps(tokenizing_steps(style))?;
     let mut css: Vec<_> = from_rules.chain(DeclarationTokenizer::from(style)).collect();
     if breaks_off(style) {
-        named.add("a style that breaks off", "not followed", node);
+        named.add("an incomplete style", "not followed", node);
     }
     css.sort_by_key(|declaration| declaration.important);
     declared.extend(css.iter().map(|rule| declaration(rule.name, rule.value, true)));
@@ -274,7 +274,7 @@ fn check_sheet(sheet: &str, node: Node<'_, '_>, budget: &Budget, named: &mut Nam
         let (n_selectors, n_declared) = (head.matches(',').count() + 1, body.matches(';').count());
         budget.bytes(n_selectors.saturating_mul(SELECTOR + DECLARATION * (n_declared + 1)))?;
         if breaks_off(body) {
-            named.add("a style that breaks off", "not followed", node);
+            named.add("an incomplete style", "not followed", node);
         }
     }
     Ok(())

@@ -389,7 +389,7 @@ fn what_is_not_followed_is_named_with_its_number_and_place() {
         ("stop-opacity", "<linearGradient id='g'><stop stop-opacity='0'/></linearGradient>"),
         ("transparent stop", "<linearGradient id='g'><stop stop-color='#f000'/></linearGradient>"),
         ("systemLanguage", "<g systemLanguage='de'/>"),
-        ("breaks off", "<path style='fill:none;?;stroke:red' d='M0 5H9'/>"),
+        ("incomplete", "<path style='fill:none;?;stroke:red' d='M0 5H9'/>"),
         ("style sheet with", "<style>.a\\31{fill:red}</style>"),
         ("@media", "<style>@media screen{path{fill:red}}</style>"),
         ("animation", "<path d='M0 5H9' stroke='red'><animate attributeName='d'/></path>"),

@@ -1,4 +1,4 @@
-//! Estimates the torque of uneven air from the motor torque that balances it over seconds.
+//! Estimates the torque caused by uneven air from the motor torque that balances it over seconds.
 //!
 //! An airborne body does not keep rotating. Over a second, the motors' torque balances the torque
 //! of the air, that of the displaced center of mass, and a torque proportional to the velocity. The

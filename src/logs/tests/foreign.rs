@@ -265,7 +265,7 @@ fn other_files_are_refused_with_what_converts_them() {
         (b"\x02\x50\x0b\x00", "motion capture"),
         (b"H Product:Blackbox flight data recorder by Nicholas Sherlock\n", "log the position"),
         (b"LabVIEW Measurement\t\nWriter_Version\t2\n***End_of_Header***\t\n", "the table"),
-        (b"% program   : RTKLIB 2.4.3\n%  GPST  latitude(deg)\n", "east, north and up"),
+        (b"% program   : RTKLIB 2.4.3\n%  GPST  latitude(deg)\n", "east, north, up"),
         (b"$GPGGA,110000.00,4722.2,N,00832.4,E,1,12,0.7,400,M,,M,,*5B\n", "east, north"),
     ];
     for (bytes, program) in cases {
@@ -423,7 +423,7 @@ fn zeros_of_a_body_that_was_lost_are_no_positions() {
         if lost(t) { format!("{t:.2},0,0,0") } else { format!("{t:.2},{},{y},{z}", x + 0.5) }
     });
     let flight = read(text.as_bytes());
-    says(&flight, "are 0, 0, 0, where the drone would have jumped");
+    says(&flight, "are 0, 0, 0, which the drone could only have reached");
     assert!(flight.samples.iter().all(|s| s.position_m.x > 0.4), "{}", said(&flight));
     assert!((flight.samples.last().unwrap().time_s - 11.5).abs() < 0.11, "the tail is left out");
 }

@@ -130,8 +130,8 @@ settings! {
         /// Fraction of the light that the floor reflects evenly in all directions (its albedo): 0.1
         /// for dark carpet, 0.3 for gray concrete, 0 for a black floor.
         floor_albedo: f64 = 0.2, in 0.0..=1.0;
-        /// Sheen of the floor: the mean slope of its facets (α of GGX). Assumed: 0.15 for polished
-        /// stone, 0.3 for linoleum, 0.6 for worn boards. The floor is matte if left out.
+        /// Sheen of the floor: the mean slope of its facets (α of GGX), assumed to be 0.15 for
+        /// polished stone, 0.3 for linoleum, 0.6 for worn boards. The floor is matte if left out.
         floor_roughness: Option<f64> = None, in 0.1..=1.0, for "expose.floor_albedo";
         /// Width, depth and height of the room, which is centered at x = y = 0. The walls reflect
         /// light, and flights are checked against them. There are no walls if left out.
@@ -207,7 +207,7 @@ impl Latent {
         film::check_scale(scale_log2)?;
         if scale_log2 < self.scale_log2 {
             return Err(Error::infeasible(
-                format!("counts of 2^{scale_log2} lx s would overflow on this light"),
+                format!("counts of 2^{scale_log2} lx s would overflow with this light"),
                 format!("choose a scale of 2^{} lx s or more", self.scale_log2),
             ));
         }

@@ -103,7 +103,7 @@ fn the_default_drone_is_never_dark() {
 #[test]
 fn a_led_and_its_glint_on_the_propeller_shine_at_once_14_mm_apart() {
     let trace = lit(&LightOptions::default(), &["headlights"]);
-    let [led, glint] = ["status M1", "status M1 off the propeller"].map(|name| named(&trace, name));
+    let [led, glint] = ["status M1", "status M1 on the propeller"].map(|name| named(&trace, name));
     assert!((glint.emitter.intensity_cd / led.emitter.intensity_cd - 0.1).abs() < 1e-9);
     for (a, b) in led.samples.iter().zip(&glint.samples) {
         let apart_m = b.position_m - a.position_m;
@@ -117,7 +117,7 @@ fn headlights_glint_on_the_motors_ahead_to_all_sides_but_the_rear() {
     let trace = lit(&LightOptions::default(), &["headlights"]);
     let lamp = |name: &str| named(&trace, name);
     let headlights = ["headlight left", "headlight right"].map(lamp);
-    let glints = ["headlight left off the motor", "headlight right off the motor"].map(lamp);
+    let glints = ["headlight left on the motor", "headlight right on the motor"].map(lamp);
     for (headlight, glint) in headlights.into_iter().zip(glints) {
         assert_eq!(headlight.samples.len(), glint.samples.len(), "lit at once");
         let ahead_m = glint.samples[0].position_m - headlight.samples[0].position_m;
@@ -155,7 +155,7 @@ fn bitmask_128_turns_the_boards_leds_off_and_bits_light_them() {
     assert_eq!(names(0).len(), 10, "{:?}", names(0));
     assert_eq!(names(128), Vec::<String>::new());
     let lit = ["power M3", "status M1"].map(|led| {
-        [String::new(), " off the propeller".into(), " off the body".into()]
+        [String::new(), " on the propeller".into(), " on the body".into()]
             .map(|on| format!("{led}{on}"))
     });
     assert_eq!(BTreeSet::from_iter(names(128 | 1 << 4 | 1)), BTreeSet::from_iter(lit.concat()));

@@ -214,8 +214,8 @@ impl Photograph {
             } else {
                 let message = format!(
                     "EXIF describes a picture of {width} x {height} pixels, but this picture has \
-                     {real_width} x {real_height}: it was cropped, and its camera saw more than \
-                     it shows"
+                     {real_width} x {real_height}: it was cropped, and shows only a part of what \
+                     the camera saw"
                 );
                 self.warn("cropped", message);
             }
@@ -250,8 +250,8 @@ impl Photograph {
             // A program that shrinks a picture may leave its resolution tags unchanged.
             Some(film_m) if relative_difference(width_m, film_m) >= SAME_WIDTH => {
                 let message = format!(
-                    "the sensor is assumed to be {:.2} mm wide, by FocalLengthIn35mmFilm: \
-                     FocalPlaneXResolution makes it {mm:.2} mm",
+                    "the sensor is assumed to be {:.2} mm wide according to \
+                     FocalLengthIn35mmFilm, although FocalPlaneXResolution implies {mm:.2} mm",
                     1e3 * film_m
                 );
                 self.warn("sensor-width", message);
@@ -271,8 +271,8 @@ impl Photograph {
         }
         let message = format!(
             "the sensor is assumed to be {mm:.2} mm wide, from {pixels} pixels and \
-             FocalPlaneXResolution, which no other tag confirms: a picture that was resized has \
-             too small a sensor. If it was, set camera.body in a scene file"
+             FocalPlaneXResolution, which no other tag confirms. If the picture was resized, \
+             this width is too small: set camera.body in a scene file"
         );
         self.warn("sensor-width", message);
         Some(width_m)
@@ -376,7 +376,7 @@ impl Photograph {
         let [subject, orientation] = [Tag::SubjectDistance, Tag::Orientation]
             .map(|tag| Some(self.exif.get_field(tag, In::PRIMARY)?.display_value().to_string()));
         if let Some(zoom) = self.number(Tag::DigitalZoomRatio).filter(|zoom| *zoom > 1.0) {
-            let shown = "the picture shows only a part of the sensor, and its camera saw more";
+            let shown = "the picture shows only a part of what the sensor recorded";
             self.warn("digital-zoom", format!("DigitalZoomRatio {zoom}: {shown}"));
         }
         // A distance of 0 means unknown. A value that is not a number cannot be used.
@@ -448,8 +448,8 @@ fn relative_difference(a: f64, b: f64) -> f64 {
     (a / b - 1.0).abs()
 }
 
-const HINT: &str = "take the file from the camera's card: programs and messengers strip its EXIF. \
-                    Or set the camera's keys in a scene file";
+const HINT: &str = "take the file from the camera's card, because photo editors and messengers \
+                    remove its EXIF, or set the camera's keys in a scene file";
 
 /// Signatures of file formats that cannot be read, where `.` stands for any byte. CR2, DNG, NEF and
 /// ARW are TIFF files and can be read.
@@ -475,7 +475,8 @@ pub(super) fn refuse_raw(bytes: &[u8], place: &str) -> Result<()> {
             && signature.iter().zip(bytes).all(|(wanted, byte)| [b'.', *byte].contains(wanted))
     });
     let Some((maker, _)) = raw else { return Ok(()) };
-    let hint = "use the JPEG that the camera wrote with it, or export one with its EXIF";
+    let hint = "use the JPEG that the camera wrote together with the raw file, or export a JPEG \
+                with its EXIF";
     Err(Error::input(place, format_args!("a raw file ({maker})"), "its JPEG", hint))
 }
 

@@ -23,13 +23,12 @@ settings! {
         ambient_cd_m2: f64 = 0.02, in 0.0..=1e6;
         /// Position where half of the room's light enters, such as the gap of a door. In a room
         /// with walls, surfaces near this position and facing it are brighter. The room's light is
-        /// even if this is left out.
+        /// even if this position is left out.
         ambient_from_m: Option<[f64; 3]> = None, in -1e3..=1e3;
-        /// Photograph (PNG or JPEG) of the room without the flight, relative to the current folder,
-        /// which replaces the room's light. The photograph is cropped to the photo's aspect ratio.
-        /// A photograph taken at the same exposure keeps its brightness. In each channel, its
-        /// brightness is the relative albedo of floor and walls (`expose.room_m`) for the lamps'
-        /// light. Empty for none.
+        /// Photograph (PNG or JPEG) of the room without the flight, which replaces the room's
+        /// light. The photograph is cropped to the photo's aspect ratio. A photograph taken at the
+        /// same exposure keeps its brightness. In each channel, the photograph's brightness serves
+        /// as the relative albedo of floor and walls (`expose.room_m`). Empty for none.
         background: String = String::new();
         /// Noise of the sensor.
         noise: Noise = Noise::default();

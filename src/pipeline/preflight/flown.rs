@@ -202,7 +202,10 @@ fn thrust(flight: &Flight, scene: &Scene) -> Diagnostic {
     let frac = weight_n / at_end_n.min(full_n);
     Diagnostic::check("thrust", warn_if(frac > MAX_HOVER_FRAC), frac).within(MAX_HOVER_FRAC).say(
         format!("hovering takes {:.0} % of the maximum thrust", 100.0 * frac),
-        format!("up to {:.0} %, to leave thrust to steer and climb", 100.0 * MAX_HOVER_FRAC),
+        format!(
+            "up to {:.0} %, so that thrust remains for steering and climbing",
+            100.0 * MAX_HOVER_FRAC
+        ),
         "reduce the weight ({vehicle.mass_kg}), or fly a drone with more thrust",
     )
 }
@@ -298,7 +301,10 @@ fn lit_transit(
     let (streak_mm, when, x, z) = (MM_PER_M * streak_m.abs(), at_time(time_s), at_m.x, at_m.z);
     row.positioned(<[f64; 3]>::from(at_m)).say(
         format!("up to {streak_mm:.0} mm of {what}{when} ({x:.2}, {z:.2})"),
-        format!("within {:.0} mm of strokes' ends, a tenth of the letters", MM_PER_M * most_m),
+        format!(
+            "within {:.0} mm of strokes' ends, a tenth of the letters' height",
+            MM_PER_M * most_m
+        ),
         match clock {
             LightClock::Light => "slow down ({plan.stroke_speed_m_s})",
             LightClock::Setpoint => {
@@ -371,15 +377,17 @@ fn evenness(stops: Option<f64>) -> Diagnostic {
     let Some(stops) = stops else {
         return without_light("evenness", "no light of the plan is in the picture");
     };
-    Diagnostic::check("evenness", warn_if(stops > MAX_UNEVEN_STOPS), stops).within(MAX_UNEVEN_STOPS).say(
-        format!("exposure varies by {stops:.1} stops along the trail"),
-        format!(
-            "within {MAX_UNEVEN_STOPS} stops, from the 5th to the 95th percentile, as `meter` \
+    Diagnostic::check("evenness", warn_if(stops > MAX_UNEVEN_STOPS), stops)
+        .within(MAX_UNEVEN_STOPS)
+        .say(
+            format!("exposure varies by {stops:.1} stops along the trail"),
+            format!(
+                "within {MAX_UNEVEN_STOPS} stops, from the 5th to the 95th percentile, as `meter` \
              measures"
-        ),
-        "turn the nose ({plan.yaw_rad}) or the writing lamp ({light.fixtures}) to the camera, or \
-         write slower ({plan.stroke_speed_m_s})",
-    )
+            ),
+            "turn the nose ({plan.yaw_rad}) or the writing lamp ({light.fixtures}) toward the \
+         camera, or write more slowly ({plan.stroke_speed_m_s})",
+        )
 }
 
 #[cfg(test)]

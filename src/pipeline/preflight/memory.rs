@@ -16,7 +16,7 @@ pub const LED_MEMORY: &str = "LED memory";
 /// Returns the result "unknown" of a check, for a plan that cannot be exported.
 fn not_exported(check: &'static str, error: &Error) -> Diagnostic {
     let wanted = "a plan that can be exported";
-    Diagnostic::unchecked(check, error, wanted, "remove what the export refuses")
+    Diagnostic::unchecked(check, error, wanted, "change what the export refuses")
 }
 
 /// Checks that the plan fits in the drone's trajectory memory, by its size in bytes if compressed,

@@ -307,7 +307,7 @@ fn check_downwash(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Diagnostic>
                 at_time(time_s)
             ),
         },
-        format!("off by up to {most_m} m, a twentieth of the letters"),
+        format!("off by up to {most_m} m, a twentieth of the letters' height"),
         "plan the drones together with {plan.drones}, or fly the lower drone first",
     ))
 }

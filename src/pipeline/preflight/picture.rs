@@ -83,7 +83,7 @@ const WANTED: &str = "the whole word in the picture, lit while the shutter is op
 /// picture, a closed shutter or dark lamps.
 pub(super) fn check_picture(shoot: &Shoot, picture: Option<&Picture>) -> Vec<Diagnostic> {
     fn unchecked(why: &str) -> Vec<Diagnostic> {
-        let advice = "resolve the problems that stop the flight, or plan a word";
+        let advice = "first resolve the problems that stop the flight, or plan a word";
         vec![Diagnostic::unchecked(PICTURE, why, "complete flights that write letters", advice)]
     }
     let Some(picture) = picture else { return unchecked("not every drone completes its flight") };

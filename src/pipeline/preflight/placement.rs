@@ -263,7 +263,7 @@ pub(super) fn check_camera_place(shoot: &Shoot, room_m: [f64; 3]) -> Result<Opti
     Ok(Some(Diagnostic::check(CAMERA_PLACE, severity, least_m).within(most_m).say(
         format!("{verdict}: the whole word needs {least_m:.1} m, and the room has {most_m:.1} m"),
         format!("a camera that shows the whole word from within {most_m:.1} m"),
-        "write smaller letters ({letters.cap_height_m}), take a wider lens ({camera.lens}), give \
+        "write smaller letters ({letters.cap_height_m}), use a wider lens ({camera.lens}), give \
          the room's true depth ({expose.room_m}), or give the position of the camera \
          ({camera.framing}), for example in a door",
     )))

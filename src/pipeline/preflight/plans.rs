@@ -185,7 +185,8 @@ fn speed(plan: &Plan, profile: &Profile) -> Diagnostic {
                 100.0 * mismatch_frac
             ),
             format!("velocities that agree with the positions, up to {most_m_s} m/s"),
-            "plan the flight again, because times, positions and velocities are of different flights",
+            "plan the flight again, because its times, positions and velocities belong to \
+             different flights",
         );
     }
     // Positions in a file are rounded, so their tolerance is larger.
@@ -243,7 +244,7 @@ fn acceleration(plan: &Plan, profile: &Profile) -> Diagnostic {
         if is_planned {
             format!("{value:.2} m/s²{when}")
         } else {
-            format!("setpoints change velocity by up to {value:.1} m/s²{when}")
+            format!("the velocity of the setpoints changes by up to {value:.1} m/s²{when}")
         },
         format!("up to {most} m/s²"),
         if is_planned {
@@ -286,8 +287,9 @@ pub fn longer_than_battery(shoot: &Shoot) -> Option<Diagnostic> {
     let hovers_s = hovers_s(&shoot.scene)?;
     let longest_s = shoot.plans.iter().map(|planned| air_s(&planned.plan)).fold(0.0, f64::max);
     let message = format!(
-        "the plan is in the air for {longest_s:.0} s, and the battery can hover for {hovers_s:.0} s: \
-         write fewer letters, or set plan.drones=2 or a shorter plan.style.hover_s"
+        "the plan is in the air for {longest_s:.0} s, but the battery can hover for only \
+         {hovers_s:.0} s: write fewer letters, or set plan.drones=2 or a shorter \
+         plan.style.hover_s"
     );
     (longest_s > hovers_s).then(|| Diagnostic::warning("battery-short", message))
 }

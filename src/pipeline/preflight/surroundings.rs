@@ -202,7 +202,7 @@ fn ceiling(profile: &Profile) -> Diagnostic {
             "a ceiling at {height_m} m: if these are feet, the ceiling is at {} m",
             from_feet(room_m)
         ),
-        "the room's true size in meters, because the fence is at its walls",
+        "the room's true size in meters, because the fence follows its walls",
         "measure a wall, or give feet as in 13x20x8ft ({expose.room_m})",
     )
 }

@@ -132,7 +132,7 @@ impl CarriedScene {
         let missing = plans.find(|name| !as_spelled(&folder.join(name)).is_file());
         let Some(name) = missing else { return Ok(()) };
         let hint = "plan again, or name the plans one by one to fly without that drone";
-        let wanted = format!("all plans that {} was written with", self.file);
+        let wanted = format!("all plans with which {} was written", self.file);
         Err(Error::input(folder.display(), format!("no {name}"), wanted, hint))
     }
 

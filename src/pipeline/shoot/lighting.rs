@@ -222,7 +222,7 @@ fn check_camera_position(
     };
     let [x, y, z] = camera.position_m.into();
     if left < right && y > 0.0 {
-        let actual = format!("[{x}, {y}, {z}], behind the word, which would read mirrored");
+        let actual = format!("[{x}, {y}, {z}], behind the word, which would be mirrored");
         return Err(Error::input(key, actual, "y below 0, in front of it", hint));
     }
     for lamp in &trace.lamps {

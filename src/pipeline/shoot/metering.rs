@@ -49,7 +49,7 @@ pub struct Metered {
     /// True if the trail is more than a stop darker than its target, to keep the room dark.
     #[serde(rename = "gave_way")]
     pub keeps_room_dark: bool,
-    /// Strength, in whole stops, of the neutral filter that is required in addition to the smallest
+    /// Strength, in whole stops, of the neutral-density filter that is required in addition to the smallest
     /// aperture and the lowest sensitivity.
     pub filter_stops: u32,
     /// Maximum duration of a single exposure, if the shutter is open for longer than the camera
@@ -65,8 +65,8 @@ impl Metered {
         });
         let filter = match self.filter_stops {
             0 => None,
-            1 => Some("use a neutral filter of 1 stop".to_owned()),
-            n => Some(format!("use a neutral filter of {n} stops")),
+            1 => Some("use a neutral-density filter of 1 stop".to_owned()),
+            n => Some(format!("use a neutral-density filter of {n} stops")),
         };
         let help: Vec<String> = mode.into_iter().chain(filter).collect();
         (!help.is_empty()).then(|| help.join("; "))

@@ -298,7 +298,8 @@ impl Shoot {
         if n <= MAX_SAMPLES {
             return Ok(());
         }
-        let hint = "remove some rows of the flights, or cut them to the time of the picture";
+        let hint = "reduce the sample rate of the flights, or cut the flights to the time of the \
+                    picture";
         Err(Error::input("flights", format!("{n} samples"), format!("at most {MAX_SAMPLES}"), hint))
     }
 

@@ -51,8 +51,8 @@ pub(super) fn lost_strokes(font: &str, letters: &str) -> Diagnostic {
 }
 
 /// Advice for a picture without light.
-pub const CHECK_LIGHT: &str = "name lamps that {light.deck} has in {plan.lights}: headlights, ring (with an \
-     effect in {light.ring}) or color-led";
+pub const CHECK_LIGHT: &str = "in {plan.lights}, name lamps of {light.deck}: headlights, ring \
+                               (with an effect in {light.ring}) or color-led";
 
 /// Maximum fraction of a lamp's light that may face away, enough for the end of a stroke.
 const MOST_AWAY_FRAC: f64 = 0.02;

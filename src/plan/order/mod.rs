@@ -85,7 +85,8 @@ fn check_duration(flown: &[PenStroke], speed_m_s: f64, style: &EvenStyle) -> Res
         return Ok(());
     }
     let problem = format!(
-        "{n_strokes} strokes take about {flight_s:.0} s, but the longest flight is {MAX_DURATION_S} s"
+        "{n_strokes} strokes take about {flight_s:.0} s, but a flight may last at most \
+         {MAX_DURATION_S} s"
     );
     Err(Error::infeasible(problem, TOO_LONG_HINT).coded(FLIGHT_LONG))
 }
@@ -124,8 +125,8 @@ pub(super) fn as_drawn(strokes: &Strokes, speed_m_s: f64) -> Result<Vec<PenStrok
     } else if lit_s > MAX_DURATION_S {
         (
             format!(
-                "{n_strokes} strokes are lit for {lit_s:.0} s in total, but the longest flight is \
-                 {MAX_DURATION_S} s"
+                "{n_strokes} strokes are lit for {lit_s:.0} s in total, but a flight may last at \
+                 most {MAX_DURATION_S} s"
             ),
             "raise plan.stroke_speed_m_s, or draw fewer or smaller strokes",
         )

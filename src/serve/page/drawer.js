@@ -307,6 +307,7 @@ function ofShot() {
         { className: "read" },
         t("read-percent", {
           read: verdict.read.replace(/\s+/g, " "),
+          word: verdict.word.replace(/\s+/g, " "),
           percent: Math.round(100 * verdict.readability),
         }),
       ),

@@ -27,11 +27,11 @@ settings! {
 
     /// A kind of setpoint that the firmware distinguishes.
     pub enum SetpointKind {
-        /// Positions only. The firmware's own landing is of the same kind.
+        /// Positions only. The firmware's own landing uses the same kind.
         "position" => Position,
         /// Positions, velocities and accelerations, of which the cascade uses only the positions.
-        /// The landing is of another kind, so that since release 2026.08 all loops reset at it, and
-        /// the drone drops by 12 to 18 cm.
+        /// The landing uses another kind, so since release 2026.08 all loops are reset at the
+        /// landing, and the drone drops by 12 to 18 cm.
         "full-state" => FullState,
     }
 

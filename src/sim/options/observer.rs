@@ -171,8 +171,8 @@ settings! {
         /// Attitude information that is taken from sweep angles.
         sweep_attitude: SweepAttitude = SweepAttitude::YawError,
             for "sensors.positioning" = "sweeps";
-        /// True to use both sweeps of a rotation together at the second one, and to drop them if
-        /// one is missing. False uses each sweep when it arrives.
+        /// True to use both sweeps of a rotation together when the second one arrives, and to drop
+        /// both if one is missing. False uses each sweep when it arrives.
         paired_sweeps: bool = true, for "sensors.positioning" = "sweeps";
         /// Maximum number of rotations used per second, over all second-generation stations. With
         /// 0, all rotations are used.

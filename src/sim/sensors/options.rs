@@ -47,8 +47,8 @@ settings! {
 
     /// Measurement of the position.
     pub enum Positioning {
-        /// Lighthouse without stations, with a position at every tick that has white jitter and a
-        /// smooth distortion, as in the log of the reference flight.
+        /// Lighthouse without stations: a position at every tick, with white jitter and a smooth
+        /// distortion as in the log of the reference flight.
         "position" => Position,
         /// Lighthouse with positions from crossing beams of two stations (lighthouse.method 0).
         "crossing-beams" => CrossingBeams,
@@ -106,7 +106,7 @@ settings! {
         /// The joint solution for the stations' poses does not remove this error, because the
         /// stations agree on a distorted room.
         distortion_m: f64 = 0.0075, in 0.0..=1.0;
-        /// Correlation length l of the common error, whose correlation decreases as `exp(−d²/2l²)`.
+        /// Correlation length l of this error, whose correlation decreases as `exp(−d²/2l²)`.
         distortion_length_m: f64 = 0.7, in 0.01..=1000.0;
         /// Base stations at their believed positions.
         stations: Vec<Station> = [[-2.5, -2.2, 2.4], [2.8, 2.2, 2.4]]
@@ -195,7 +195,7 @@ settings! {
         bias_m: f64 = 0.2, in 0.0..=10.0;
         /// Fraction of ranges that are outliers.
         outlier_frac: f64 = 0.1, in 0.0..=1.0;
-        /// Standard deviation per axis of the error of a drone's believed position at the start.
+        /// Standard deviation per axis of the error of a drone's estimated position at the start.
         start_error_m: f64 = 0.0, in 0.0..=10.0;
     }
 

@@ -74,8 +74,8 @@ settings! {
         /// Fraction of the thrust that each motor m1…m4 lacks at every command, because of a
         /// damaged propeller or a worn motor.
         motor_loss_frac: [f64; 4] = [0.0; 4], in 0.0..=1.0;
-        /// Ground effect, the ratio of thrust near the floor to thrust far from it, at the same
-        /// rotor speed.
+        /// Model of the ground effect, which is the ratio of thrust near the floor to thrust far
+        /// from the floor at the same rotor speed.
         ground_effect: GroundEffect = GroundEffect::None;
         /// Radius of a propeller, for the ground effect.
         rotor_radius_m: f64 = 0.023, in 1e-3..=1.0, unless "vehicle.ground_effect" = "none";
@@ -151,7 +151,8 @@ settings! {
         /// A command stands for a thrust, so that the duty cycle increases as the voltage
         /// decreases. If the duty cycle of one motor is full, all four are lowered by the same
         /// amount, which gives attitude priority over thrust. The controllers `pid` and `geometric`
-        /// may therefore command more than `vehicle.motor_max`, which a full battery can provide.
+        /// may therefore command more than `vehicle.motor_max`, because a full battery can provide
+        /// more thrust.
         ///
         /// Source: `motorsCompensateBatteryVoltage`, firmware `motors.c`, and
         /// `powerDistributionCap`, `power_distribution_quadrotor.c`.
@@ -164,7 +165,7 @@ settings! {
     pub struct AirOptions {
         /// Steady wind in the world frame.
         wind_m_s: [f64; 3] = [0.0; 3], in -50.0..=50.0;
-        /// Gusts in addition to the steady wind. Gusts push the drone through its drag.
+        /// Gusts in addition to the steady wind. Gusts act on the drone through its drag.
         gusts: Gusts = Gusts::None;
         /// Thrust loss of a drone that flies below another drone.
         downwash: Downwash = Downwash::Jet, unless "plan.drones" = "1";

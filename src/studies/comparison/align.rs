@@ -31,7 +31,7 @@ pub(super) fn offset_s(a: &Flight, b: &Flight) -> Result<f64> {
 /// design. `name` is the flight's name in the error.
 fn design(flight: &Flight, name: &str) -> Result<DesignPath> {
     DesignPath::new(flight).ok_or_else(|| {
-        let hint = "state the offset of B's clock, or 0 to leave it as it is";
+        let hint = "state the offset of B's clock, or 0 to leave the clock unchanged";
         Error::input(name, "no design position", "a design by which clocks can be aligned", hint)
             .coded("clocks-apart")
     })

@@ -242,7 +242,11 @@ impl HoldFigures {
             }
         }
         if !(low..=high).contains(&self.inside) {
-            missed.push(format!("inside the band for {:.3}, not {low} to {high}", self.inside));
+            missed.push(format!(
+                "inside the 95 % band for a fraction of {:.3}, not {low} to \
+                                 {high}",
+                self.inside
+            ));
         }
         if self.hover_throttle > hover_throttle {
             let throttle = self.hover_throttle;

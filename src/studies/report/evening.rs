@@ -21,8 +21,8 @@ pub fn evening_page(title: &str, evening: &Evening, printed: &str, conditions: &
     let lead = format!("{n} logs of {} drone(s), of which {sound} are valid.", drones.len());
     let mut page = Page::new(title, &lead).section("Flights").printed(printed).text(
         "Thrust is the thrust per command and weight, relative to the scene. Trim is the center \
-         of mass for which the motors compensate. Gusts are the gusts that would rotate the drone \
-         as observed. A dash stands for a figure that the log does not show.",
+         of mass for which the motors compensate. Gusts are the gusts that would rotate the \
+         drone as observed. A dash stands for a figure that does not follow from the log.",
     );
     // Each figure has a panel, with one curve per drone over its valid flights. The number is the
     // minimum range of the panel's axis.

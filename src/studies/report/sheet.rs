@@ -70,7 +70,7 @@ pub fn acuity_sheet(
         let Estimate { value, low, high } = limit.cap_height_m;
         let [value_mm, low_mm, high_mm] = [value, low, high].map(|height_m| 1e3 * height_m);
         let range = format!("{value_mm:.1} mm ({low_mm:.1} to {high_mm:.1})");
-        let title = format!("{}: reads down to {range}", limit.contender);
+        let title = format!("{}: legible down to {range}", limit.contender);
         let mut photos = Vec::new();
         // The photo shows the contender's first flight at each rung. A lost drone has no photo.
         let rungs = ladder.iter().zip(prepared).zip(limit.rungs.iter().zip(records));

@@ -121,7 +121,7 @@ fn flown_section(page: Page, promised: &[u8], shot: &Shot, flown: &FlownNotes) -
     let head = ["letter", "reads as", "P", "lag, s", "off path, mm", "off plane, mm", "lit, s"];
     page.section("Promised and flown")
         .pair([(promised, caption("promised", shot)), (&*jpeg, caption("flown", &flown.shot))])
-        .text("From the promised value to the flown one, for each letter:")
+        .text("For each letter, from the previewed value to the flown one:")
         .table(head, flown.rows.iter().cloned())
 }
 
