@@ -339,7 +339,7 @@ mod tests {
     fn equal_contenders_are_told_apart_in_at_most_six_of_a_hundred_studies() {
         for (n_contenders, n_studies) in [(2, 2000), (5, 400), (10, 150)] {
             // Subsets of twenty flights are drawn, which takes most of the time.
-            for (n_flights, n_studies) in [(5, n_studies), (10, n_studies), (20, n_studies / 2)] {
+            for (n_flights, n_studies) in [(5, n_studies), (10, n_studies), (20, n_studies / 4)] {
                 let error = family_wise_error(n_contenders, n_flights, n_studies);
                 assert!(error <= 0.06, "{n_contenders} contenders, {n_flights} flights: {error}");
             }

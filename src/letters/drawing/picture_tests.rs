@@ -137,9 +137,15 @@ fn traced(
 
 /// Returns the fraction of the points along some lines that are within a distance of other lines.
 fn near(lines: &[Line], others: &[Line], within: f64) -> f64 {
-    let [points, others] =
+    let [points, mut others] =
         [lines, others].map(|lines| Vec::from_iter(lines.iter().flat_map(|l| evenly(l, 1.0))));
-    let is_near = |p: &&[f64; 2]| others.iter().any(|other| distance(**p, *other) <= within);
+    // Sorted by x, so that few of the thousands of points have to be compared.
+    others.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let is_near = |point: &&[f64; 2]| {
+        let first = others.partition_point(|other| other[0] < point[0] - within);
+        let mut beside = others[first..].iter().take_while(|other| other[0] <= point[0] + within);
+        beside.any(|other| distance(**point, *other) <= within)
+    };
     points.iter().filter(is_near).count() as f64 / points.len().max(1) as f64
 }
 
