@@ -111,15 +111,13 @@ impl Gpu {
         Ok(Self { device, queue, pipeline, adapter, max_tiles_bytes, is_processor, first_error })
     }
 
-    /// Opens a device and runs the shader once. A driver compiles the shader at its first use,
-    /// which takes longer than exposing most films. Returns [`Error::Gpu`] if there is no device or
-    /// it fails.
+    /// Opens a device and submits a first run of the shader. A driver compiles the shader at its
+    /// first use, which takes longer than exposing most films, and does so while the film's buffers
+    /// are filled. Returns [`Error::Gpu`] if there is no device.
     pub(super) fn ready() -> Result<Self> {
         let gpu = Self::open()?;
         let part = Part { shift: 1, ..bytemuck::Zeroable::zeroed() };
-        let tiles = gpu.dark_tiles(1);
-        gpu.dispatch(&Chunk::of_part(part, [0; SPOTS]), &tiles);
-        gpu.read(&tiles, 1, |_| ())?;
+        gpu.dispatch(&Chunk::of_part(part, [0; SPOTS]), &gpu.dark_tiles(1));
         Ok(gpu)
     }
 
@@ -150,16 +148,21 @@ impl Gpu {
         Ok(film)
     }
 
-    /// Creates a buffer with `n` dark tiles on the device.
+    /// Creates a buffer with `n` dark tiles on the device, which clears it while the other buffers
+    /// are filled.
     fn dark_tiles(&self, n: usize) -> wgpu::Buffer {
         let [mapped, copied] = [wgpu::BufferUsages::MAP_READ, wgpu::BufferUsages::COPY_SRC];
         let way_out = if self.is_processor { mapped } else { copied };
-        self.device.create_buffer(&wgpu::BufferDescriptor {
+        let tiles = self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("tiles"),
             size: TILE_BYTES * n as u64,
-            usage: wgpu::BufferUsages::STORAGE | way_out,
+            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | way_out,
             mapped_at_creation: false,
-        })
+        });
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        encoder.clear_buffer(&tiles, 0, None);
+        self.queue.submit([encoder.finish()]);
+        tiles
     }
 
     /// Submits a copy of `n` tiles to a new readable buffer, and returns this buffer.
@@ -225,16 +228,21 @@ impl Gpu {
             // If the receiver no longer exists, an error was already reported.
             let _ = sender.send(mapped);
         });
+        self.wait()?;
+        receiver.recv().map_err(|e| self.fail(e))?.map_err(|e| self.fail(e))?;
+        let mapped = out.get_mapped_range(..).map_err(|e| self.fail(e))?;
+        use_counts(bytemuck::cast_slice(&mapped));
+        Ok(())
+    }
+
+    /// Waits until the device has done all submitted work. Returns [`Error::Gpu`] if it failed.
+    pub(super) fn wait(&self) -> Result<()> {
         // The error in the handler names the cause. Later errors are consequences of that one.
         let polled = self.device.poll(wgpu::PollType::wait_indefinitely());
         if let Some(first_error) = self.first_error.lock().ok().and_then(|mut e| e.take()) {
             return Err(self.fail(first_error));
         }
-        polled.map_err(|e| self.fail(e))?;
-        receiver.recv().map_err(|e| self.fail(e))?.map_err(|e| self.fail(e))?;
-        let mapped = out.get_mapped_range(..).map_err(|e| self.fail(e))?;
-        use_counts(bytemuck::cast_slice(&mapped));
-        Ok(())
+        polled.map(drop).map_err(|e| self.fail(e))
     }
 
     /// Returns an error of this device.

@@ -351,7 +351,9 @@ impl Developer {
 ///
 /// Returns [`Error::Gpu`] if there is no device or it fails.
 pub fn try_device() -> Result<String> {
-    Gpu::ready().map(|gpu| gpu.adapter)
+    let gpu = Gpu::ready()?;
+    gpu.wait()?;
+    Ok(gpu.adapter)
 }
 
 impl Drop for Device {
@@ -359,7 +361,7 @@ impl Drop for Device {
     /// A device that works is kept, because closing one takes milliseconds.
     fn drop(&mut self) {
         let opened = self.opening.take().and_then(|opening| opening.join().ok()?.ok());
-        if let Some(gpu) = self.gpu.take().or(opened) {
+        if let Some(gpu) = self.gpu.take().or(opened).filter(|gpu| gpu.wait().is_ok()) {
             *kept() = Some(gpu);
         }
     }

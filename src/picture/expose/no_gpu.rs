@@ -27,6 +27,11 @@ impl Gpu {
     }
 
     /// Returns the error for a missing device.
+    pub(super) fn wait(&self) -> Result<()> {
+        Err(driver_panicked())
+    }
+
+    /// Returns the error for a missing device.
     pub(super) fn splat(&self, _: &Latent, _: Prepared) -> Result<FilmData> {
         Err(driver_panicked())
     }

@@ -134,6 +134,9 @@ fn the_chosen_backend_is_used_and_leaves_the_same_film() {
         Ok(on_gpu) => {
             assert_eq!(on_gpu.film.sha256(), on_cpu.film.sha256(), "wgpu");
             assert_eq!(auto.backend, Backend::Wgpu, "auto takes the device");
+            let next = Developer::start(BackendChoice::Wgpu);
+            let device = next.device.lock().unwrap();
+            assert!(device.gpu.is_some() && device.opening.is_none(), "the device was kept");
         }
         Err(e) => assert!(e.hint().contains("processor"), "{e}"),
     }
