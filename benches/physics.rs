@@ -3,8 +3,8 @@
 //! Run it with `cargo bench --bench physics`. In its output, an element is a step of 1 ms. The goal
 //! is 6 million steps/s for "rotors and drag", which covers the physics of other simulators (a
 //! simulator written for this comparison reaches 6.9 million). In November 2026, the best and the
-//! median of 60 runs on a busy core with AVX-512 were 13.0 and 8.4 million steps/s. They were 9.7
-//! and 6.7 million steps/s for "cf21", and 6.1 and 5.0 million with gusts.
+//! median of 60 runs on a busy core with AVX-512 were 13.0 and 8.4 million steps/s. The figures
+//! were 9.7 and 6.7 million steps/s for "cf21", and 6.1 and 5.0 million with gusts.
 
 #![expect(clippy::disallowed_methods, reason = "a file of the kernel")]
 

@@ -53,7 +53,7 @@ pub(crate) struct Setting {
     pub(crate) missing_frac: f64,
 }
 
-/// The ten faults. Their levels are meant for letters half a meter high, written at 0.2 m/s.
+/// The ten faults, with levels for letters half a meter high that are written at 0.2 m/s.
 pub(crate) const FAULTS: [Fault; 10] = [
     Fault {
         name: "wander",

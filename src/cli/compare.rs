@@ -1,4 +1,5 @@
-//! `noctograph compare` measures the distance between two flights, and of each from its design.
+//! `noctograph compare` measures the distance between two flights, and between each flight and its
+//! design.
 
 use std::path::{Path, PathBuf};
 
@@ -74,10 +75,10 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report> {
     let mut product = json!(comparison);
     product["a"] = side(&args.a, &a, options.part);
     product["b"] = side(&args.b, &b, options.part);
-    let sides = [("A", &product["a"]["tracking"]), ("B", &product["b"]["tracking"])];
-    let sides = sides.into_iter().filter(|(_, tracking)| !tracking.is_null());
+    let tracked = [("A", &product["a"]["tracking"]), ("B", &product["b"]["tracking"])];
+    let tracked = tracked.into_iter().filter(|(_, tracking)| !tracking.is_null());
     let sides: Vec<_> =
-        sides.map(|(name, tracking)| json!({ "name": name, "tracking": tracking })).collect();
+        tracked.map(|(name, tracking)| json!({ "name": name, "tracking": tracking })).collect();
     let is_ahead = |side: &&Value| {
         side["tracking"]["lag_s"].as_f64().is_some_and(|lag_s| lag_s < show::LEAD_S)
     };

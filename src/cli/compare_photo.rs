@@ -26,8 +26,8 @@ pub(super) struct ComparePhotoArgs {
     output: PathBuf,
 }
 
-/// Longer side, in pixels, to which larger photographs are scaled down for the comparison. It keeps
-/// strokes of a few pixels, and FLIP takes seconds.
+/// Longer side, in pixels, to which larger photographs are scaled down for the comparison. Strokes
+/// then remain a few pixels wide, and FLIP takes only seconds.
 const LONGEST_PX: u32 = 2048;
 
 /// Runs the verb `compare-photo`, which lays a render over a photograph by their letters, writes

@@ -166,7 +166,7 @@ impl ExposeArgs {
     }
 
     /// Prints warnings about a shot, and a note if its photo contains no word. Returns the report
-    /// on its camera and files. `path` is the photo's file.
+    /// on the camera and the files of the shot. `path` is the photo's file.
     fn report(&self, shot: Shot, path: PathBuf) -> Report {
         warn(shot.problems.iter().map(|problem| problem.sentence(mentioned)));
         // A light trace contains its own colors and needs no word. It yields no flights.

@@ -128,7 +128,8 @@ fn letters(shot: &Shot, promised: &Shot) -> Vec<Letter> {
     letters.collect()
 }
 
-/// Returns the time in s for which at least one light is on during a letter, counted from 0.
+/// Returns the time in s for which at least one light is on during the letter with the index
+/// `letter`, from 0.
 fn lit_s(flight: &Flight, letter: usize) -> f64 {
     let pairs = flight.samples.windows(2).enumerate();
     let lit = pairs.filter(|(row, pair)| {

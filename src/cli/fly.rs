@@ -12,6 +12,7 @@ use super::terminal::warn;
 use crate::error::Result;
 use crate::flight::Flight;
 use crate::plan::{Plan, Replay, replay};
+use crate::scene::Scene;
 use crate::shoot::Shoot;
 use clap::Args;
 use serde_json::json;
@@ -46,11 +47,32 @@ pub(super) fn run(args: &FlyArgs) -> Result<Report> {
     // The scene of the plans is used unless `--scene` names another one.
     let carried = args.scene.carried(&files)?;
     let scene = args.scene.load_from(carried.as_ref(), &args.seed.settings(), &[])?;
-    let carried = carried.filter(|_| !args.plans.is_empty());
-    let mut plans = read_plans(&args.plans, carried.as_ref())?;
+    let of_plans = carried.filter(|_| !args.plans.is_empty());
+    let mut plans = read_plans(&args.plans, of_plans.as_ref())?;
+    plans.extend(sent_setpoints(args, &scene)?);
+    let shoot = Shoot::with_plans(scene, plans)?;
+    let outputs = Outputs::create(args.output.as_deref(), "flight", shoot.plans.len())?;
+    let flights = shoot.fly(&watch())?;
+    flights.iter().for_each(|flight| warn(&flight.warnings));
+    let files =
+        outputs.keep(&flights, Some(&shoot.scene), |flight, mut out| flight.write_csv(&mut out))?;
+
+    let report = |flight: &Flight| show::flight_report(flight, &flight.sha256(), None);
+    let reports: Vec<Report> = flights.iter().map(report).collect();
+    let json = match reports.as_slice() {
+        [flight] => json!({ "flight": flight.json }),
+        flights => json!({ "flights": flights.iter().map(|one| &one.json).collect::<Vec<_>>() }),
+    };
+    let text = reports.into_iter().map(|flight| flight.text).collect();
+    Ok(Report::new(text, json).with_files(&files))
+}
+
+/// Returns the setpoints in logs as plans. Warns of each log whose firmware is not known, but
+/// matters.
+fn sent_setpoints(args: &FlyArgs, scene: &Scene) -> Result<Vec<Plan>> {
     FLIGHTS.check_all(&args.setpoints)?;
-    for path in &args.setpoints {
-        let log = args.flight.read_log(path, Some(&scene))?;
+    let plans = args.setpoints.iter().map(|path| {
+        let log = args.flight.read_log(path, Some(scene))?;
         // Only the log of a drone's own clock, without a zero timestamp, needs a firmware.
         if log.firmware.is_none() && log.zero_stamp_s.is_none() {
             let release = scene.vehicle.firmware.name();
@@ -58,23 +80,9 @@ pub(super) fn run(args: &FlyArgs) -> Result<Report> {
                 format!("the log names no firmware: {release} is assumed (vehicle.firmware)");
             warn_of(path, &[text]);
         }
-        plans.push(sent(&log.flight)?);
-    }
-    let shoot = Shoot::with_plans(scene, plans)?;
-    let outputs = Outputs::create(args.output.as_deref(), "flight", shoot.plans.len())?;
-    let flights = shoot.fly(&watch())?;
-    flights.iter().for_each(|flight| warn(&flight.warnings));
-    let scene = Some(&shoot.scene);
-    let files = outputs.keep(&flights, scene, |flight, mut out| flight.write_csv(&mut out))?;
-
-    let reports = flights.iter().map(|flight| show::flight_report(flight, &flight.sha256(), None));
-    let reports: Vec<Report> = reports.collect();
-    let json = match reports.as_slice() {
-        [flight] => json!({ "flight": flight.json }),
-        flights => json!({ "flights": flights.iter().map(|one| &one.json).collect::<Vec<_>>() }),
-    };
-    let text = reports.into_iter().map(|flight| flight.text).collect();
-    Ok(Report::new(text, json).with_files(&files))
+        sent(&log.flight)
+    });
+    plans.collect()
 }
 
 /// Returns the plan that a log's setpoints follow, and warns if some of them were interpolated.

@@ -30,9 +30,9 @@ pub(super) enum Outputs {
 }
 
 impl Outputs {
-    /// Opens `path` for the files of `n_drones`. For one drone, `path` is a table (`kind.csv` by
-    /// default) with its scene beside it, and for several drones a folder (`kinds` by default).
-    /// Returns [`Error::Input`] for a single table of several drones.
+    /// Opens `path` for the files of `n_drones` drones. For one drone, `path` is a table
+    /// (`kind.csv` by default) with its scene beside it, and for several drones a folder (`kinds`
+    /// by default). Returns [`Error::Input`] for a single table of several drones.
     pub(super) fn create(path: Option<&Path>, kind: &'static str, n_drones: usize) -> Result<Self> {
         if let Some(path) = path.filter(|path| n_drones > 1 && is_csv(path) && !path.is_dir()) {
             let (actual, hint) = (format!("a single file for {n_drones} drones"), "leave out .csv");

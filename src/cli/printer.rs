@@ -128,15 +128,15 @@ fn fill(line: &str, scopes: &[&Value]) -> Option<String> {
 /// Returns the text for the path between braces, or `None` if its value is null. The forms are
 /// `path?yes:no` and `path*factor:digits~missing`, in which every part except the path is optional.
 /// The digits of a string, such as `.4`, limit its number of characters.
-fn figure(figure: &str, scopes: &[&Value]) -> Option<String> {
-    if let Some((path, words)) = figure.split_once('?') {
+fn figure(form: &str, scopes: &[&Value]) -> Option<String> {
+    if let Some((path, words)) = form.split_once('?') {
         return Some(choice(path, words, scopes));
     }
     // The marks are split off from the end, so that no part can contain the mark of a later part.
-    let (figure, missing) =
-        figure.split_once('~').map_or((figure, None), |(figure, words)| (figure, Some(words)));
-    let (path, digits) = figure.split_once(':').unwrap_or((figure, ""));
-    let (path, factor) = path.split_once('*').unwrap_or((path, "1"));
+    let (shown, missing) =
+        form.split_once('~').map_or((form, None), |(shown, words)| (shown, Some(words)));
+    let (scaled, digits) = shown.split_once(':').unwrap_or((shown, ""));
+    let (path, factor) = scaled.split_once('*').unwrap_or((scaled, "1"));
     let text = match value(path, scopes) {
         Some(Value::Number(number)) => {
             let is_whole = factor == "1" && digits.is_empty() && !number.is_f64();

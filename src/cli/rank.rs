@@ -1,6 +1,6 @@
 //! `noctograph rank` ranks scenes by the probability that their words are read.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::outcome::Report;
 use super::output::OutputFolder;
@@ -90,10 +90,7 @@ pub(super) fn run(args: &RankArgs) -> Result<Report> {
         announce(&study, unranked.len());
     }
     if let (Some(shard), Some(parts)) = (shard, &args.parts) {
-        let bar = counter("flying", study.n_trials().div_ceil(shard.count));
-        let (path, flights) = shard.fly(&study, parts, &bar)?;
-        let report = Report::with_layout(json!({ "flights": flights }), "flights   {flights}");
-        return Ok(report.with_files(&[path]));
+        return fly_shard(&study, shard, parts);
     }
     // Without `--shard`, all flights that are missing from shards and earlier runs are flown, and
     // the scenes are ranked.
@@ -102,10 +99,10 @@ pub(super) fn run(args: &RankArgs) -> Result<Report> {
     let mut store = open_store(&args.output)?;
     parts.iter().flatten().try_for_each(|path| store.take(path))?;
     let ladder = args.ladder(&study)?;
-    let names = if args.task.is_some() { &GRADED[..] } else { &RANKING };
+    let tables = if args.task.is_some() { &GRADED[..] } else { &RANKING };
     let chart = (!ladder.is_empty()).then_some(ACUITY);
-    let names: Vec<&str> = names.iter().copied().chain(chart).collect();
-    let mut results = open_results(&args.output, &names)?;
+    let files: Vec<&str> = tables.iter().copied().chain(chart).collect();
+    let mut results = open_results(&args.output, &files)?;
     let trials: Vec<Trial> = study.trials().collect();
     let bar = counter("flying", trials.len());
     let records = evaluate(&study, &ready, &trials, Some(&store), &Stop::default(), &bar)?;
@@ -118,6 +115,14 @@ pub(super) fn run(args: &RankArgs) -> Result<Report> {
     let files = write_ranking(results, args.task.is_some(), &study, &ready, &ranking, &records)?;
     let report = ranking_report(&study, &ranking, records.len()).with_files(&files);
     Ok(report.passes(ranking.unranked.is_empty()))
+}
+
+/// Flies a shard of a study, and writes the flights to the folder `parts`.
+fn fly_shard(study: &Study, shard: Shard, parts: &Path) -> Result<Report> {
+    let bar = counter("flying", study.n_trials().div_ceil(shard.count));
+    let (path, flights) = shard.fly(study, parts, &bar)?;
+    let report = Report::with_layout(json!({ "flights": flights }), "flights   {flights}");
+    Ok(report.with_files(&[path]))
 }
 
 /// Prints a note on how often each submission flies, and how many flights are needed to distinguish

@@ -284,7 +284,8 @@ pub(super) fn shortened(names: &[&str], n: usize) -> Vec<String> {
     (1..).zip(names).map(|(number, name)| end_of(name, &format!("{number}…"), n)).collect()
 }
 
-/// Returns a name unchanged, or `head` followed by its end if it has more than `n` characters.
+/// Returns a name of up to `n` characters unchanged. For a longer name, returns `head` followed by
+/// the end of the name.
 fn end_of(name: &str, head: &str, n: usize) -> String {
     let n_characters = name.chars().count();
     if n_characters <= n {

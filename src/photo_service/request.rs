@@ -119,7 +119,7 @@ pub enum Product {
     Large {
         /// True if advice on an unreadable word is wanted, which takes about thirty flights.
         advice: bool,
-        /// True if its files are also made, which are the photo, the scene and the plans.
+        /// True if files of the photo, the scene and the plans are also made.
         files: bool,
     },
     /// The scripts that fly the subject, and the files that they need.

@@ -383,8 +383,8 @@ fn call_controller(
 /// covariance : bool
 ///     True to add the uncertainty of the drone's Kalman filter to ``Flight.extra``: ``estimate_sigma_m``, the
 ///     standard deviation of the position over three axes, and ``estimate_nees``, its squared error normalized by its
-///     covariance and divided by three, whose mean in the air is 1 if the filter is consistent. A fleet's filter
-///     always adds both.
+///     covariance and divided by three, whose mean in the air is 1 if the filter is consistent. For a fleet's
+///     filter, both are always added.
 ///
 /// Returns
 /// -------

@@ -269,7 +269,7 @@ fn rows_of<'py>(py: Python<'py>, values: &[f64], rows: &[usize]) -> PyResult<Bou
 /// Parameters
 /// ----------
 /// scene : Scene
-///     Its word or drawing, letters, drone and controller.
+///     Scene with the word or drawing, the letters, the drone and the controller.
 ///
 /// Returns
 /// -------

@@ -254,7 +254,8 @@ impl PySessions {
         Ok((columns(py, &outcomes, [1, n])?, json, warnings.collect()))
     }
 
-    /// Ends a flight. Returns the outcome of its photo, or None if the flight had already ended.
+    /// Ends a flight. Returns the outcome of the flight's photo, or None if the flight had already
+    /// ended.
     fn outcome<'py>(&self, py: Python<'py>, index: usize) -> PyResult<Bound<'py, PyAny>> {
         // The flag of a lost drone is kept for `observations`.
         let ended = self.all().get_mut(index).and_then(|flight| {

@@ -166,7 +166,8 @@ struct Bucket {
 
 impl Senders {
     /// Returns true if an address may send one more entry, by a token bucket of [`BURST`] entries.
-    /// If so, the entry is counted. Forgets addresses that may send as many as new ones.
+    /// If so, the entry is counted. Forgets addresses that may send as many entries as a new
+    /// address.
     fn admit(&mut self, address: IpAddr, now: Instant) -> bool {
         self.0.retain(|_, bucket| bucket.refilled(now) < BURST);
         let tokens = self.0.get(&address).map_or(BURST, |bucket| bucket.refilled(now));

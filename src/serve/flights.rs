@@ -116,7 +116,7 @@ impl Flights {
     }
 
     /// Updates the sizes and states of the logs. Forgets logs that no longer exist and are not
-    /// followed. A log at rest that grew waits to be followed.
+    /// followed. A log at rest that has grown is then waiting to be followed.
     fn update(&mut self, sizes: BTreeMap<PathBuf, u64>) {
         let current = self.current.as_ref().map(|current| current.path.clone());
         self.logs.retain(|path, _| sizes.contains_key(path) || current.as_ref() == Some(path));

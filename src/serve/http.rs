@@ -136,9 +136,9 @@ pub(crate) async fn discard_body(body: Incoming) {
     let _ = timeout(REFUSED_TIMEOUT, Limited::new(body, MAX_REFUSED_BODY).collect()).await;
 }
 
-/// Returns an answer with the fields that all answers contain, which tell browsers not to guess its
-/// type, not to show it elsewhere, and not to send its address to others. An answer that says that
-/// the server is busy also asks the client to try again after 2 s.
+/// Returns an answer with the fields that all answers contain. Browsers then do not guess the type
+/// of the answer, show it in other pages, or send its address to others. If the server is busy, the
+/// answer also asks the client to try again after 2 s.
 pub(crate) fn with_common_fields(reply: Reply) -> Reply {
     let reply = match reply.status().as_u16() {
         429 | 503 => with_field(reply, "Retry-After", "2"),

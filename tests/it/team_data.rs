@@ -42,11 +42,11 @@ fn assert_near(found: &Value, want: [f64; 3], tolerance: f64) {
 }
 
 /// The paper prints both tables for its flight 5. The RMSE relative to the design is 0.083, 0.058
-/// and 0.068 m, and that of the observer relative to the firmware is 0.012, 0.013 and 0.014 m, and
-/// 0.003, 0.004 and 0.003 rad. The log is that of flight 4, for which NumPy's `interp` on a grid of
-/// 100 Hz over the whole log gives 0.0986, 0.0513 and 0.0681 m, then 0.0135, 0.0181 and 0.0201 m,
-/// and 0.0022, 0.0286 and 0.0173 rad. In the air the observers agree to within a millimeter
-/// (0.0010, 0.0005 and 0.0008 m).
+/// and 0.068 m. The RMSE of the observer relative to the firmware is 0.012, 0.013 and 0.014 m, and
+/// 0.003, 0.004 and 0.003 rad. The log here is that of flight 4. For this log, NumPy's `interp` on
+/// a grid of 100 Hz gives 0.0986, 0.0513 and 0.0681 m relative to the design. The observer differs
+/// from the firmware by 0.0135, 0.0181 and 0.0201 m, and 0.0022, 0.0286 and 0.0173 rad. In the air
+/// the observers agree to within a millimeter (0.0010, 0.0005 and 0.0008 m).
 #[test]
 #[ignore = "needs ../shared/data"]
 fn the_teams_tables_1_and_2_come_from_their_log() {
