@@ -33,8 +33,8 @@ const DRIFT_M: f64 = 0.08;
 /// Maximum height above the lowest position of a drone that counts as on the floor.
 const FLOOR_M: f64 = 0.05;
 
-/// Converts the plain columns of a log to a world frame with z up. Returns [`Error::Input`] if the
-/// flight shows two axes that may point up.
+/// Converts the plain columns of a log to a world frame with z up. Inferred axes and those of a
+/// format cause a warning. Returns [`Error::Input`] if the flight shows two axes that may point up.
 pub(super) fn with_z_up(mut log: Recording, options: &ImportOptions) -> Result<Recording> {
     // An option takes precedence over the format, and the format over the inferred axes.
     let (axes, why) = match (options.axes, log.axes) {
@@ -107,7 +107,9 @@ pub(super) fn axes_doubt(recording: &Recording) -> Option<String> {
                 recording.blocks.iter().find_map(positions_m)?.into_iter().map(|p| p[2]);
             let highest_m = heights_m.fold(f64::NEG_INFINITY, f64::max);
             let is_below = highest_m < -FLOOR_M;
-            is_below.then(|| format!("the flight is below the floor (z up to {highest_m:.2} m)"))
+            is_below.then(|| {
+                format!("the flight is below the floor (its highest z is {highest_m:.2} m)")
+            })
         }
     }
 }
@@ -155,7 +157,7 @@ fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
     if !(is_below || is_on_floor || rises_along_y) {
         return Ok(z_up_guess(unseen));
     }
-    // With z up, the drone would be on or below the floor, or level.
+    // With z up, the drone would be on or below the floor, or would rise along y only.
     Ok(match other_axes(&rows, lowest_m).map_err(|error| error.in_file(&recording.file, None))? {
         Some((axes, why)) => (axes, Some(why)),
         None if is_below => {

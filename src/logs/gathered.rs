@@ -138,7 +138,7 @@ pub fn word_in(log: &Path) -> Option<String> {
 }
 
 /// Returns the entry `noctograph` that an exported script wrote to its log. The entry is usually at
-/// the start, but another program may have rewritten the log.
+/// the start, but another program may have rewritten the log. Returns `None` for other logs.
 fn script_entry(log: &[u8]) -> Option<serde_json::Value> {
     const KEY: &[u8] = b"\"noctograph\"";
     let text = Text::of_unicode(log);

@@ -54,7 +54,8 @@ pub(super) fn aligned(mut log: Recording) -> Recording {
     if log.blocks.iter().all(|block| block.clock == Clock::Drone) {
         return log;
     }
-    // Positions sent by motion capture describe the same path, and estimates nearly the same.
+    // The positions that the motion capture sent to the drone are on the same path. The drone's
+    // estimates are close to it.
     let path = moving_channels(&log, "ae483log.p_{x y z}_mocap")
         .or_else(|| position(&log, PositionSource::Firmware))
         .or_else(|| position(&log, PositionSource::Custom));
@@ -364,8 +365,8 @@ impl Search {
     }
 }
 
-/// Interpolates a position at a time, in m. Returns `None` in gaps longer than `gap_s` of its
-/// channel.
+/// Interpolates a position at a time, in m. Returns `None` in gaps longer than `gap_s` returns for
+/// a channel.
 fn position_m(
     channels: &[Channel],
     time_s: f64,

@@ -14,7 +14,7 @@ use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Head, Separator};
 
-/// Number of lines that contain the headers of all known formats.
+/// Number of lines at the start of a file among which the line of titles is searched.
 const HEAD_LINES: usize = 12;
 
 /// Properties of a motion capture table, as given by its header.

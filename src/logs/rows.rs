@@ -52,8 +52,8 @@ pub(super) fn check(sheet: &Sheet, file: &str) -> Result<()> {
 pub(super) fn long_form_error([time, names, value]: [&str; 3]) -> Error {
     let form = format_args!("a table in long form, whose column {names} names each value");
     let hint = format!(
-        "pandas.read_csv(FILE).pivot_table(index=\"{time}\", columns=\"{names}\", \
-         values=\"{value}\").to_csv(\"log.csv\"), and import that"
+        "convert it with pandas.read_csv(FILE).pivot_table(index=\"{time}\", columns=\"{names}\", \
+         values=\"{value}\").to_csv(\"log.csv\"), and import log.csv"
     );
     Error::input("rows", form, "a column for each variable", hint)
 }

@@ -123,7 +123,8 @@ impl<'a> Search<'a> {
 
     /// Returns the first plausible and live source in SI units, and adds it to the used variables.
     /// If no source changes, returns the first nonzero one, otherwise the first. Returns `None` if
-    /// no source is logged completely, or if all diverged.
+    /// no source is logged completely, or if all diverged, except
+    /// that a diverged position is returned.
     fn first<'s>(
         &mut self,
         sources: impl Iterator<Item = &'s Source>,

@@ -33,7 +33,7 @@ const MIN_FAST_FRACTION: f64 = 0.1;
 #[derive(Clone, Copy)]
 struct FastStep {
     speed_m_s: f64,
-    /// Time of its start after the first sample.
+    /// Time from the first sample to the start of the step.
     time_s: f64,
     step_m: f64,
 }

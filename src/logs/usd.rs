@@ -101,6 +101,7 @@ fn records(
         let stop = |is_cut_off, reason: &str| {
             Ok(Stop { n_bytes: offset, is_cut_off, reason: reason.to_owned() })
         };
+        // Without a further record, the log is complete if the caller has found a right CRC.
         let Some((id, _)) = rest.split_first_chunk::<2>() else {
             let between = "the log ends without a CRC, cut off between two records";
             return stop(true, if rest.is_empty() { between } else { SHORT });

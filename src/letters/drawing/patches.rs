@@ -67,8 +67,8 @@ const RULED: Warning = (
 );
 const NOT_RULED: Warning = (
     "picture-not-ruled",
-    "{n} ruled lines of the paper are not drawn, which are lines from edge to edge that are paler \
-     than the rest",
+    "{n} lines from edge to edge, which are paler than the rest, are regarded as ruled lines of \
+     the paper and are not drawn",
 );
 const COLORS_TOUCH: Warning =
     ("picture-colors-touch", "touching areas of different colors are drawn as one: leave gaps");

@@ -38,9 +38,9 @@ const LIGHTHOUSE: [[&str; 3]; 2] = [
     ["ae483log.lh_x", "ae483log.lh_y", "ae483log.lh_z"],
     ["lighthouse.x", "lighthouse.y", "lighthouse.z"],
 ];
-/// Names of logged vertical accelerations (including gravity) in order of preference, with their
-/// unit in m/s²: that of the AE483 firmware, and the accelerometer in g (`stabilizer_types.h`),
-/// both raw and as logged by the controllers.
+/// Names of logged vertical accelerations in order of preference, with their unit in m/s². All of
+/// them include gravity. That of the AE483 firmware is in m/s², and the accelerometer is in g
+/// (`stabilizer_types.h`), whether it is logged raw or by a controller.
 const ACCELERATIONS: [(&str, f64); 4] = [
     ("ae483log.a_z", 1.0),
     ("acc.z", GRAVITY_M_S2),
