@@ -51,6 +51,7 @@ fn target_speeds(run: &[FlightSample]) -> Vec<[f64; 4]> {
         let to = next.filter(|next| next.time_s - from.time_s < LONGEST_STEP_S).unwrap_or(from);
         let [first, last] =
             [from, to].map(|sample| sample.motors.map(|command| command.max(0.0).sqrt()));
+        // Without a next command, both ends are equal, and the divisor only has to be positive.
         line.extend(held.iter().map(|s| {
             let part = (s.time_s - from.time_s) / (to.time_s - from.time_s).max(1e-9);
             [0, 1, 2, 3].map(|motor| first[motor] + (last[motor] - first[motor]) * part)
