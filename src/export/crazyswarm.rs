@@ -83,7 +83,7 @@ fn firmware(job: &Job<'_>) -> Result<(u32, Platform)> {
     let (kind, clock) = (job.sim.controller.kind, job.trajectory_clock);
     // Lamps are timed under the scene's controller, so no other controller may be used.
     let Some(controller) = firmware_controller(kind) else {
-        let wanted = "pid or geometric (Lee's), which the drone's firmware contains";
+        let wanted = "pid or geometric (Lee's), if the drone's firmware contains it";
         let hint = "choose one of these, or fly your own controller with the script for cflib";
         return Err(Error::input("controller.kind", kind.name(), wanted, hint));
     };

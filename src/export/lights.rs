@@ -54,8 +54,8 @@ struct Target<'a> {
 }
 
 impl<'a> Target<'a> {
-    /// Finds the firmware parameter for a deck's channel or a custom lamp. Returns [`Error::Input`]
-    /// for other channels.
+    /// Returns the firmware parameter of a deck's channel or of a custom lamp. Returns
+    /// [`Error::Input`] for other channels.
     fn new(channel: &str, fixtures: &'a [Fixture]) -> Result<Self> {
         if let Some(Channel { parameter, colors, .. }) = Channel::named(channel) {
             return Ok(Self { parameter, colors, most: 1 });
@@ -73,7 +73,7 @@ impl<'a> Target<'a> {
     /// Returns the command that sets a level from 0 to 1 at `time_s`. A lamp with colors shows
     /// `wrgb` at that level.
     fn command(&self, time_s: f64, channel: &str, level: f64, wrgb: [u8; 4]) -> Command {
-        #[expect(clippy::cast_possible_truncation, reason = "0 to its most")]
+        #[expect(clippy::cast_possible_truncation, reason = "within 0 and the maximum")]
         let (value, level) = match (self.colors.len(), self.most) {
             // A pin is on at any level above 0. A deck's color is in the last of four bytes.
             (0, 1) => (u32::from(level > 0.0), level.ceil()),
@@ -242,8 +242,8 @@ pub(super) fn timing(plan: &Plan, commands: &[Command]) -> Option<Timing> {
 }
 
 /// Returns the sRGB color in which a screen shows a command's light: its hue at full scale, times
-/// its level. The bytes of the command cannot be used, because they drive dies far brighter than a
-/// screen: a red used for writing is 3 of 255, which a show would display as black.
+/// its level. The bytes of the command are unsuitable, because the dies are far brighter than a
+/// screen: red letters have the byte 3 of 255, which a screen shows as black.
 pub(super) fn screen_rgb(command: &Command, options: &LightOptions) -> [u8; 3] {
     let deck = Channel::named(&command.channel).filter(|channel| !channel.colors.is_empty());
     // With corrected levels, all dies are equally bright and the bytes are sRGB levels.

@@ -32,7 +32,8 @@ const SPACE: f64 = 16.0 / 21.0;
 /// # Errors
 ///
 /// Returns [`Error::Input`] for an empty or overlong text, an unknown or broken font, or a
-/// character that it lacks, with its position. Returns [`Error::Io`] for an unreadable font.
+/// character that the font lacks, whose position it states. Returns [`Error::Io`] for an unreadable
+/// font.
 pub fn write(word: &str, options: &LetterOptions) -> Result<Strokes> {
     options.check()?;
     let fonts = Fonts::open(options)?;

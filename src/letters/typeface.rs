@@ -197,7 +197,8 @@ impl Typeface {
             (placed.glyph, [x - start, y])
         });
         let shape = self.traced_shape(&parts.collect::<Vec<_>>()).ok_or_else(|| {
-            // A glyph that fails by itself is missing. Otherwise the glyphs together are too large.
+            // The error names the first glyph that cannot be traced by itself. If there is none,
+            // the glyphs are too large together.
             let mut glyphs = group.iter();
             match glyphs.find(|placed| self.traced_shape(&[(placed.glyph, [0; 2])]).is_none()) {
                 Some(placed) => Unset::Missing(placed.byte),

@@ -133,6 +133,7 @@ fn best_fit(
             middle_m[i % 3] + reach_m * (around[i % 3] + apart)
         });
         let (mut cost, positions_m) = fit(anchors_m, means, start_m);
+        // A fit outside the room is only used if there is none inside.
         if room.is_some_and(|room| !room.holds_all(&positions_m)) {
             cost += OUTSIDE_M2;
         }

@@ -10,7 +10,8 @@ pub struct Track {
 }
 
 impl Track {
-    /// Integrates world-frame velocities at increasing times by the trapezoidal rule.
+    /// Integrates velocities by the trapezoidal rule, from zero. Each is given as an increasing
+    /// time in s and a velocity in the world frame in m/s.
     pub fn new(velocities_m_s: impl IntoIterator<Item = (f64, Vector3<f64>)>) -> Self {
         let (mut track, mut before) = (Self::default(), None);
         for (time_s, velocity_m_s) in velocities_m_s {

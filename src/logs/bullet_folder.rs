@@ -62,11 +62,13 @@ fn variable(stem: &str) -> Option<(String, usize)> {
     (!name.is_empty()).then(|| (name.to_owned(), number))
 }
 
-/// Reads the files of a folder as one recording.
+/// Reads the files of a folder as one recording, with warnings that name the origin and other files
+/// in the folder.
 ///
 /// # Errors
 ///
-/// Returns [`Error::Input`] for files of several drones, and for a file that is not a variable.
+/// Returns [`Error::Input`] for files of several drones, for a file that is not a variable, and for
+/// files with different times.
 pub(super) fn read(variables: &[Variable], job: Job<'_>) -> Result<Recording> {
     let drone = variables[0].drone;
     if let Some(other) = variables.iter().find(|variable| variable.drone != drone) {

@@ -7,8 +7,10 @@ use noctograph_core::units::MS_PER_S;
 use super::Job;
 use super::titles::meaning;
 
+/// Advice for a cell that is not a number.
 const HINT: &str = "correct or cut the file, because each line needs one number per column";
 
+/// Duration of a day, s.
 pub(super) const DAY_S: f64 = 86_400.0;
 /// Duration of an hour, s.
 pub(super) const HOUR_S: f64 = 3600.0;
@@ -80,7 +82,7 @@ fn number(cell: &str) -> Option<f64> {
 }
 
 /// Returns the seconds since 1970 of a date such as `2023-05-04 12:34:56.789`, or the seconds since
-/// midnight of a time of day. A date without a time means midnight.
+/// midnight of a time of day. A date without a time means midnight. Returns `None` for other cells.
 ///
 /// Further accepted forms are `T` between date and time, `/` and `.` in dates, names of months,
 /// `AM` and `PM`, zones (`Z`, `UTC`, `+02:00`, `-0500`), decimal commas, milliseconds after a third
@@ -94,7 +96,7 @@ pub(super) fn seconds_from_date(cell: &str) -> Option<f64> {
     if !cell.contains(':') {
         return Some(days_from_date(&lower)? as f64 * DAY_S);
     }
-    let (text, half) = half_day(&lower);
+    let (text, half_from) = half_day(&lower);
     // The date ends at a blank, at an underscore, or at a T between digits.
     let first_colon = text.find(':').unwrap_or_default();
     let (date, time) = match text.char_indices().rfind(|(place, sign)| {
@@ -104,9 +106,16 @@ pub(super) fn seconds_from_date(cell: &str) -> Option<f64> {
         Some((place, _)) => (Some(text[..place].trim_end()), &text[place + 1..]),
         None => (None, text),
     };
-    // Without its zone, the time of day has two to four parts.
     let (time, east_s) = zone(time.trim())?;
-    let time = time.replace(',', ".");
+    let [minutes_s, second_s, millis_s] = time_of_day(&time.replace(',', "."), half_from)?;
+    let days = date.map_or(Some(0), days_from_date)? as f64;
+    Some(days * DAY_S + minutes_s + second_s + millis_s - east_s)
+}
+
+/// Parses a time of day of two to four parts that are separated by colons. `half_from` is the hour
+/// at which its half of the day begins, if it is given in one of two halves. Returns the whole
+/// minutes, the seconds and the milliseconds, each in s, or `None` if a part is out of range.
+fn time_of_day(time: &str, half_from: Option<f64>) -> Option<[f64; 3]> {
     let parts: Option<Vec<f64>> = time.split(':').map(|part| part.parse().ok()).collect();
     let (hour, minute, second, millis) = match parts?[..] {
         [minute, second] if time.contains('.') => (0.0, minute, second, 0.0),
@@ -116,28 +125,25 @@ pub(super) fn seconds_from_date(cell: &str) -> Option<f64> {
         _ => return None,
     };
     let whole = hour.fract() == 0.0 && minute.fract() == 0.0;
-    let hours = match half {
+    let hours = match half_from {
         None => (0.0..=24.0).contains(&hour).then_some(hour)?,
-        Some(after_noon) => {
-            let hour = (1.0..=12.0).contains(&hour).then_some(hour % 12.0)?;
-            hour + if after_noon { 12.0 } else { 0.0 }
-        }
+        Some(from) => from + (1.0..=12.0).contains(&hour).then_some(hour % 12.0)?,
     };
+    // A minute may have 61 seconds, of which the last is a leap second.
     let fits = (0.0..60.0).contains(&minute) && (0.0..1000.0).contains(&millis);
-    if !whole || !fits || !(0.0..61.0).contains(&second) {
-        return None;
-    }
-    let days = date.map_or(Some(0), days_from_date)? as f64;
-    let minutes_s = days * DAY_S + hours * HOUR_S + minute * MINUTE_S;
-    Some(minutes_s + second + millis / MS_PER_S - east_s)
+    (whole && fits && (0.0..61.0).contains(&second)).then_some([
+        hours * HOUR_S + minute * MINUTE_S,
+        second,
+        millis / MS_PER_S,
+    ])
 }
 
-/// Removes `am` or `pm` from a string in lower case. Returns the rest, and true for `pm` or false
-/// for `am`.
-fn half_day(text: &str) -> (&str, Option<bool>) {
-    let halves = [("am", false), ("a.m.", false), ("pm", true), ("p.m.", true)];
-    let half = halves.iter().find_map(|(end, pm)| Some((text.strip_suffix(end)?, *pm)));
-    half.map_or((text, None), |(before, pm)| (before.trim_end(), Some(pm)))
+/// Removes `am` or `pm` from a string in lower case. Returns the rest, and the hour at which this
+/// half of the day begins: 0 or 12.
+fn half_day(text: &str) -> (&str, Option<f64>) {
+    let halves = [("am", 0.0), ("a.m.", 0.0), ("pm", 12.0), ("p.m.", 12.0)];
+    let half = halves.iter().find_map(|(end, from)| Some((text.strip_suffix(end)?, *from)));
+    half.map_or((text, None), |(before, from)| (before.trim_end(), Some(from)))
 }
 
 /// Removes the zone from a time of day. Returns the rest, and the seconds by which the zone is

@@ -20,7 +20,7 @@ pub(super) fn is_cfclient(head: &Head) -> bool {
         && head.titles[1..].iter().any(|title| title.contains('.'))
 }
 
-/// Returns true if a file name is that of a CSV file.
+/// True if a file name is that of a CSV file.
 pub(super) fn may_be_cfclient(path: &Path) -> bool {
     ending(path) == "csv"
 }

@@ -54,14 +54,15 @@ fn check_order(block: &Block, file: &str) -> Result<()> {
     Err(Error::input(file, disorder, "rows in the order of their times", "sort the rows by time"))
 }
 
-/// Undoes a block's wraps, drops spikes, and keeps only the longest stretch between restarts.
-/// `wrap_s` is the time after which the clock begins again at zero, if it does.
+/// Undoes a block's wraps, and drops spikes, all but the longest stretch between restarts, and rows
+/// whose time does not increase. Each repair adds a warning. `wrap_s` is the time after which the
+/// clock begins again at zero, if it does.
 fn repair_block(block: &mut Block, wrap_s: Option<f64>, warnings: &mut Vec<Diagnostic>) {
-    let Block { name, time_s, columns, .. } = block;
+    let time_s = &mut block.time_s;
     let n = time_s.len();
     let mut repairs = Vec::new();
 
-    // Spikes are dropped first, because one just before a wrap would hide it.
+    // Spikes are dropped first, because a spike just before a wrap would hide the wrap.
     let finite = (0..n).filter(|&i| time_s[i].abs() < LATEST_S).collect();
     let mut kept = without_spikes(time_s, finite);
     let wraps = wrap_s.map_or(0, |wrap_s| undo_wraps(time_s, &kept, wrap_s));
@@ -84,35 +85,44 @@ fn repair_block(block: &mut Block, wrap_s: Option<f64>, warnings: &mut Vec<Diagn
         );
         repairs.push(("clock-restarted", text));
     }
-    kept = longest;
-
-    // Within the stretch, samples whose time does not increase are dropped.
-    let mut last_s = f64::NEG_INFINITY;
-    kept.retain(|&i| {
-        let rises = time_s[i] > last_s;
-        last_s = last_s.max(time_s[i]);
-        rises
-    });
+    kept = only_rising(time_s, longest);
     let dropped = n - outside - kept.len();
     if dropped > 0 {
-        let start = kept.first().map_or(0, |first| *first);
-        let first = (start..n).find(|i| kept.binary_search(i).is_err()).unwrap_or(0) + 1;
-        let text = format!(
-            "{dropped} of {n} samples are dropped, because their timestamps do not increase \
-             (first: sample {first})"
-        );
-        repairs.push(("times-dropped", text));
+        repairs.push(("times-dropped", dropped_text(dropped, &kept, n)));
     }
     if kept.len() < n {
-        for values in columns.iter_mut().map(|column| &mut column.values).chain([time_s]) {
+        let columns = block.columns.iter_mut().map(|column| &mut column.values);
+        for values in columns.chain([time_s]) {
             *values = kept.iter().map(|&i| values[i]).collect();
         }
     }
     warnings.extend(
         repairs
             .into_iter()
-            .map(|(code, text)| Diagnostic::warning(code, format!("block {name}: {text}"))),
+            .map(|(code, text)| Diagnostic::warning(code, format!("block {}: {text}", block.name))),
     );
+}
+
+/// Returns the text of the warning about the number of dropped samples. `kept` contains the sorted
+/// indices of those among `n` samples that are kept.
+fn dropped_text(dropped: usize, kept: &[usize], n: usize) -> String {
+    let start = kept.first().map_or(0, |first| *first);
+    let first = (start..n).find(|i| kept.binary_search(i).is_err()).unwrap_or(0) + 1;
+    format!(
+        "{dropped} of {n} samples are dropped, because their timestamps do not increase (first: \
+         sample {first})"
+    )
+}
+
+/// Removes the indices of times that do not exceed all earlier ones.
+fn only_rising(time_s: &[f64], mut indices: Vec<usize>) -> Vec<usize> {
+    let mut latest_s = f64::NEG_INFINITY;
+    indices.retain(|&i| {
+        let rises = time_s[i] > latest_s;
+        latest_s = latest_s.max(time_s[i]);
+        rises
+    });
+    indices
 }
 
 /// Returns the number of stretches between restarts, and the indices of the longest stretch among
@@ -177,6 +187,7 @@ fn clock_rate(log: &mut Recording, assumed: Option<Release>) -> f64 {
     let named = log.firmware.as_deref().and_then(|name| Some((Release::parse(name)?, name)));
     let shown = log.blocks.iter().find_map(|block| Some((shown_rate(block)?, &block.name)));
     // A measured rate takes precedence over a named firmware's, and an assumed rate comes last.
+    // A rate is odd if it is a guess or contradicts the named firmware.
     let (rate, is_odd, why) = match (shown, named) {
         (Some((rate, block)), None) => {
             (rate, false, format!("as the period of block {block} shows"))
@@ -225,8 +236,8 @@ fn shown_rate(block: &Block) -> Option<f64> {
     /// With fewer steps the rate is unknown.
     const MIN_STEPS: usize = 50;
     let steps: Vec<f64> = block.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let middle_s = median(steps.iter().copied())?;
-    let usual = steps.iter().filter(|step| (*step / middle_s - 1.0).abs() < SPREAD);
+    let median_s = median(steps.iter().copied())?;
+    let usual = steps.iter().filter(|step| (*step / median_s - 1.0).abs() < SPREAD);
     let mean_s = usual.clone().sum::<f64>() / usual.count().max(1) as f64;
     let rate = [SLOW_CLOCK, 1.0]
         .into_iter()

@@ -65,7 +65,7 @@ fn is_flight(head: &Head) -> bool {
         || begins && head.has("letter") && !has_ranges(head)
 }
 
-/// Returns true if a table has columns of ranges.
+/// True if a table has columns of ranges.
 fn has_ranges(head: &Head) -> bool {
     head.titles.iter().any(|title| title.starts_with("ranging."))
 }

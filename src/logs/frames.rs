@@ -33,8 +33,8 @@ const DRIFT_M: f64 = 0.08;
 /// Maximum height above the lowest position of a drone that counts as on the floor.
 const FLOOR_M: f64 = 0.05;
 
-/// Converts the plain columns of a log to a world frame with z up. Returns [`Error::Input`] if the
-/// flight shows two axes that may point up.
+/// Converts the plain columns of a log to a world frame with z up. Inferred axes and those of a
+/// format cause a warning. Returns [`Error::Input`] if the flight shows two axes that may point up.
 pub(super) fn with_z_up(mut log: Recording, options: &ImportOptions) -> Result<Recording> {
     // An option takes precedence over the format, and the format over the inferred axes.
     let (axes, why) = match (options.axes, log.axes) {
@@ -107,7 +107,9 @@ pub(super) fn axes_doubt(recording: &Recording) -> Option<String> {
                 recording.blocks.iter().find_map(positions_m)?.into_iter().map(|p| p[2]);
             let highest_m = heights_m.fold(f64::NEG_INFINITY, f64::max);
             let is_below = highest_m < -FLOOR_M;
-            is_below.then(|| format!("the flight is below the floor (z up to {highest_m:.2} m)"))
+            is_below.then(|| {
+                format!("the flight is below the floor (its highest z is {highest_m:.2} m)")
+            })
         }
     }
 }
@@ -136,16 +138,15 @@ fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
     }
     let mut heights: Vec<f64> = rows.iter().map(|row| row[2]).collect();
     heights.sort_by(f64::total_cmp);
-    let (lowest_m, middle_m) = (heights[0], heights[heights.len() / 2]);
-    let highest_m = heights[heights.len() - 1];
-    let is_below = middle_m < -FLOOR_M;
-    let is_flat = highest_m - lowest_m < FLOOR_M && middle_m.abs() < FLOOR_M;
+    let (lowest_m, median_m) = (heights[0], heights[heights.len() / 2]);
+    let is_level = heights[heights.len() - 1] - lowest_m < FLOOR_M;
+    let is_below = median_m < -FLOOR_M;
+    let is_on_floor = is_level && median_m.abs() < FLOOR_M;
     // If the drone departs and returns along y, then y is up, unless z is constant and above zero.
     // In that case the drone may hover at a constant height while it moves along y.
     let is_low = [rows[0], rows[rows.len() - 1]].iter().any(|row| row[2].abs() < CLIMB_M);
     let climbs_along_y =
         climbs(rows.iter(), &rows, 1, 1.0) && climbs(rows.iter().rev(), &rows, 1, 1.0);
-    let is_level = highest_m - lowest_m < FLOOR_M;
     let rises_along_y = climbs_along_y && (is_low || !is_level);
 
     let unseen = if climbs_along_y {
@@ -153,30 +154,39 @@ fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
     } else {
         "no take-off or landing is straight along an axis"
     };
-    if !(is_below || is_flat || rises_along_y) {
+    if !(is_below || is_on_floor || rises_along_y) {
         return Ok(z_up_guess(unseen));
     }
-    // With z up, the drone would be on or below the floor, or level. Other axes are tested.
-    let (axes, why) = match (takes_off(&rows, 2, -1.0), takes_off(&rows, 1, 1.0)) {
+    // With z up, the drone would be on or below the floor, or would rise along y only.
+    Ok(match other_axes(&rows, lowest_m).map_err(|error| error.in_file(&recording.file, None))? {
+        Some((axes, why)) => (axes, Some(why)),
+        None if is_below => {
+            z_up_guess(&format!("most of the flight is below zero (z = {median_m:.2} m)"))
+        }
+        None => z_up_guess(unseen),
+    })
+}
+
+/// Returns the axes with z down or y up, if the flight takes off or lands along one of these, with
+/// the reason. Returns `None` if it does so along neither, and [`Error::Input`] for both.
+/// `lowest_m` is the least z.
+fn other_axes(rows: &[[f64; 3]], lowest_m: f64) -> Result<Option<(Axes, String)>> {
+    match (takes_off(rows, 2, -1.0), takes_off(rows, 1, 1.0)) {
         (true, true) => {
             let flight = "a flight that rises along -z and along y";
             let hint = "name the axes of its world: z-down or y-up";
             let error = Error::input("axes", flight, "one axis that points up", hint);
-            return Err(error.coded("axes-unknown").in_file(&recording.file, None));
+            Err(error.coded("axes-unknown"))
         }
         (true, false) => {
             let down = format!("goes down to z = {lowest_m:.2} m, below its start and end");
-            (Axes::ZDown, format!("since it {down}"))
+            Ok(Some((Axes::ZDown, format!("since it {down}"))))
         }
-        (false, true) => (Axes::YUp, "because it takes off and lands only along y".to_owned()),
-        (false, false) if is_below => {
-            return Ok(z_up_guess(&format!(
-                "most of the flight is below zero (z = {middle_m:.2} m)"
-            )));
+        (false, true) => {
+            Ok(Some((Axes::YUp, "because it takes off and lands only along y".to_owned())))
         }
-        (false, false) => return Ok(z_up_guess(unseen)),
-    };
-    Ok((axes, Some(why)))
+        (false, false) => Ok(None),
+    }
 }
 
 /// True if the flight begins or ends with a climb from its lowest position along one axis. The axis

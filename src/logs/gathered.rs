@@ -6,6 +6,7 @@ use super::{LIMIT, bullet_folder, cfclient_csv};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Head, Text, ending, entries_in, file_name};
 
+/// Maximum number of logs of an evening.
 const MAX_LOGS: usize = 2000;
 /// Maximum depth of searched folders: a drone's, an evening's and cfclient's.
 const DEPTH: usize = 4;
@@ -28,8 +29,8 @@ pub struct GatheredLog {
     pub name: String,
 }
 
-/// Returns true if a folder is a single log, because it contains the files of one cfclient
-/// connection or of gym-pybullet-drones.
+/// True if a folder is a single log, because it contains the files of one cfclient connection or of
+/// gym-pybullet-drones.
 ///
 /// # Errors
 ///
@@ -137,7 +138,7 @@ pub fn word_in(log: &Path) -> Option<String> {
 }
 
 /// Returns the entry `noctograph` that an exported script wrote to its log. The entry is usually at
-/// the start, but another program may have rewritten the log.
+/// the start, but another program may have rewritten the log. Returns `None` for other logs.
 fn script_entry(log: &[u8]) -> Option<serde_json::Value> {
     const KEY: &[u8] = b"\"noctograph\"";
     let text = Text::of_unicode(log);

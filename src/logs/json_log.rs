@@ -45,6 +45,7 @@ const MAX_DEPTH: usize = 128;
 const TEXTS: usize = 4;
 const TEXT_CHARS: usize = 40;
 
+/// Advice for JSON that is not a log.
 const HINT: &str = "give a log as the AE483 client writes it: {\"stateEstimate.x\": {\"time\": \
                     [...], \"data\": [...]}, ...}";
 
@@ -125,14 +126,16 @@ pub(super) fn resolve_units(log: &mut Recording, in_seconds: bool, wanted: TimeU
     }
 }
 
-/// Returns the unit of time in seconds that fits a step. Log periods are 10 ms to 2.55 s, so larger
-/// numbers are milliseconds and numbers below 0.5 are seconds. Others depend on the dialect, which
-/// usually has seconds if `in_seconds` is true.
+/// Returns the unit of time in seconds that fits a step. Log periods are 10 ms to 2.55 s, so a step
+/// above 2.55 is in milliseconds, above 2550 in microseconds, and above 2.55 million in
+/// nanoseconds. A step below 0.5 is judged like that of a table. Other steps, and an infinite one,
+/// which stands for a log without steps, are in seconds if `in_seconds` is true and in milliseconds
+/// otherwise.
 fn unit_s(step: f64, in_seconds: bool) -> f64 {
     match step {
         step if step.is_infinite() && in_seconds => 1.0,
         step if step.is_infinite() => 1e-3,
-        step if step > 1e3 * SLOWEST_PERIOD_S * 1e3 => 1e-9,
+        step if step > 1e6 * SLOWEST_PERIOD_S => 1e-9,
         step if step > 1e3 * SLOWEST_PERIOD_S => 1e-6,
         step if step > SLOWEST_PERIOD_S => 1e-3,
         step if step < 0.5 => unit_of(&[0.0, step]).unit_s,
@@ -299,17 +302,18 @@ impl<'a> Reader<'a> {
         rows::check_owners(title, &texts, &self.log.file)
     }
 
-    /// Adds the columns of a list of objects with times. Returns false for other lists. Rows
-    /// without a time are dropped, and missing cells become NaN.
+    /// Adds the columns of a list of objects with times. Rows without a time are dropped, and
+    /// missing cells become NaN. Returns false for a list without times, and an error for a table
+    /// in long form or of several drones.
     fn rows(&mut self, name: &str, List { items, indices }: List<'a>) -> Result<bool> {
-        let (n, others) = (items.len(), items.iter().filter(|item| !is_object(item)).count());
+        let (n_rows, others) = (items.len(), items.iter().filter(|item| !is_object(item)).count());
         let mut rows = Rows::default();
         for (row, item) in items.into_iter().enumerate().filter(|(_, item)| is_object(item)) {
             self.row(item, "", row, &mut rows)?;
         }
         let Rows { mut columns, texts } = rows;
         self.budget.steps(TITLE_STEPS * columns.len())?;
-        self.budget.bytes(size_of::<f64>() * n * columns.len())?;
+        self.budget.bytes(size_of::<f64>() * n_rows * columns.len())?;
         if !columns.is_empty() && !indices.is_empty() && !columns.keys().any(|key| is_time(key)) {
             columns.insert("timestamp".to_owned(), indices);
         }
@@ -345,7 +349,7 @@ impl<'a> Reader<'a> {
     fn row(&self, value: &'a RawValue, prefix: &str, row: usize, rows: &mut Rows) -> Result<()> {
         let left = self.budget.bytes_left();
         let members = self.members(value)?;
-        let held = left - self.budget.bytes_left();
+        let slice_bytes = left - self.budget.bytes_left();
         for (key, value) in members {
             let name = self.joined(prefix, &key)?;
             if !rows.columns.contains_key(&name) && !rows.texts.contains_key(&name) {
@@ -365,7 +369,7 @@ impl<'a> Reader<'a> {
                 other => note_text(rows.texts.entry(name).or_default(), &other),
             }
         }
-        self.budget.free(held);
+        self.budget.free(slice_bytes);
         Ok(())
     }
 
@@ -433,7 +437,7 @@ impl<'a> Reader<'a> {
             let error = Error::input(name, self.cell(value)?, WANTED, HINT);
             return Err(error.in_file(&self.log.file, None));
         };
-        let held = left - self.budget.bytes_left();
+        let slice_bytes = left - self.budget.bytes_left();
         self.budget.bytes(size_of::<f64>() * items.len())?;
         let mut numbers = Vec::with_capacity(items.len());
         for (index, item) in items.into_iter().enumerate() {
@@ -445,7 +449,7 @@ impl<'a> Reader<'a> {
                 }
             }
         }
-        self.budget.free(held);
+        self.budget.free(slice_bytes);
         Ok(numbers)
     }
 
@@ -583,7 +587,7 @@ fn n_parts(text: &str) -> usize {
     n
 }
 
-/// Returns true if the value is an object.
+/// True if the value is an object.
 fn is_object(value: &RawValue) -> bool {
     value.get().starts_with('{')
 }

@@ -1,15 +1,15 @@
 //! Logs: readers for logs of real flights.
 //!
-//! File in: logs of exported scripts, JSON of the AE483 course (three dialects), CSV of cfclient (a
-//! file, or a folder with one file per block), µSD binary (versions 1 and 2), plain tables (t, x,
-//! y, z …), range CSV, a flight file of this program, or the folder of gym-pybullet-drones. Tables
-//! may come from Motive, Vicon, rosbag, `PlotJuggler`, `EuRoC`, TUM or PX4. Product out:
-//! [`Flight`].
+//! The inputs are logs of exported scripts, JSON of the AE483 course (three dialects), cfclient CSV
+//! (a file, or a folder with one file per block), µSD binary (versions 1 and 2), plain tables (t,
+//! x, y, z …), range CSV and flight files of this program. Folders of gym-pybullet-drones are also
+//! read. Tables may come from Motive, Vicon, rosbag, `PlotJuggler`, `EuRoC`, TUM or PX4. The output
+//! is a [`Flight`].
 //!
-//! Method: the format is recognized from the contents (`format`), and the reader for that format
-//! creates a recording, which consists of blocks of named columns, each with a time axis. `flight`
-//! then converts the recording to a flight in several steps, whose order is explained there.
-//! `sources` contains all conversions of variables.
+//! The format is recognized from the contents (`format`), and the reader for that format creates a
+//! recording, which consists of blocks of named columns, each with a time axis. The function
+//! `flight` then converts the recording to a flight in several steps, whose order is explained
+//! there. All conversions of variables are in `source_tables`.
 //!
 //! - **Truth** of position and attitude: motion capture, then the custom observer, then the
 //!   firmware's estimator, then raw Lighthouse fixes, or a chosen [`PositionSource`]. For any
@@ -61,6 +61,7 @@ mod plain_csv;
 mod recording;
 mod rows;
 mod script_lines;
+mod source_tables;
 mod sources;
 mod speed;
 mod subjects;

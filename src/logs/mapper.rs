@@ -83,7 +83,7 @@ fn check_quantities(
         Place::file(&recording.file),
         format_args!("no position from {}", wanted.name()),
         "its three columns, not all zero",
-        "choose another position source, or best",
+        "choose another position source, such as best",
     ))
 }
 

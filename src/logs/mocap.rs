@@ -26,8 +26,15 @@ const COARSE_S: f64 = 0.05;
 /// Maximum number of steps in the coarse search. For longer logs the step is increased.
 const MAX_STEPS: f64 = 8000.0;
 
-/// Maximum unexplained fraction of the path's variance.
+/// Maximum unexplained fraction of the path's variance, for the whole path and for each half of it,
+/// which must fit better because the clock rate is derived from the halves.
 const WORST_MISFIT: f64 = 0.2;
+const WORST_HALF_MISFIT: f64 = 0.25 * WORST_MISFIT;
+/// Maximum mean square distance with a rotation, as a fraction of that without. A nearly vertical
+/// path, or one with a large error, does not determine a rotation.
+const WORST_ROTATED: f64 = 0.25;
+/// Maximum difference of the clock rates, as a fraction. Known ones differ by 1/85.
+const MAX_RATE: f64 = 0.02;
 
 /// Difference of the clock rates up to which it may be noise of the fit, as a fraction.
 const RATE_NOISE: f64 = 0.003;
@@ -47,7 +54,8 @@ pub(super) fn aligned(mut log: Recording) -> Recording {
     if log.blocks.iter().all(|block| block.clock == Clock::Drone) {
         return log;
     }
-    // Positions sent by motion capture describe the same path, and estimates nearly the same.
+    // The positions that the motion capture sent to the drone are on the same path. The drone's
+    // estimates are close to it.
     let path = moving_channels(&log, "ae483log.p_{x y z}_mocap")
         .or_else(|| position(&log, PositionSource::Firmware))
         .or_else(|| position(&log, PositionSource::Custom));
@@ -119,7 +127,7 @@ const SAME_RAD: f64 = 0.09;
 const MAX_RESIDUAL_M: f64 = 0.1;
 
 impl Shift {
-    /// Returns true if the frames of the motion capture system and the drone differ.
+    /// True if the frames of the motion capture system and the drone differ.
     fn has_other_frame(&self) -> bool {
         self.frame_offset_m.amax() > SAME_M || self.transform_fit.rotation_rad.abs() > SAME_RAD
     }
@@ -153,22 +161,27 @@ impl Shift {
     /// Returns warnings about a different clock rate, a different frame, or an offset. `y_up` is
     /// true if the capture has y up instead of z.
     fn warnings(&self, y_up: bool) -> Vec<Diagnostic> {
-        let mut warnings = Vec::new();
-        if (self.ratio - 1.0).abs() > RATE_NOISE {
-            let is_slow = (self.ratio - SLOW_CLOCK).abs() < SAME_RATE;
-            let (ratio, firmware) = if is_slow {
-                (
-                    format!("84/85 = {SLOW_CLOCK:.4}"),
-                    ", as in firmware up to and with release 2026.08",
-                )
-            } else {
-                (format!("{:.4}", self.ratio), "")
-            };
-            let text = format!(
-                "the drone's clock counts {ratio} s per second of the motion capture's{firmware}"
-            );
-            warnings.push(Diagnostic::warning("clock-rate", text));
-        }
+        [self.rate_warning(), self.frame_warning(y_up)].into_iter().flatten().collect()
+    }
+
+    /// Returns a warning if the clock rates differ.
+    fn rate_warning(&self) -> Option<Diagnostic> {
+        let is_slow = (self.ratio - SLOW_CLOCK).abs() < SAME_RATE;
+        let (ratio, firmware) = if is_slow {
+            let release = ", as in firmware up to and with release 2026.08";
+            (format!("84/85 = {SLOW_CLOCK:.4}"), release)
+        } else {
+            (format!("{:.4}", self.ratio), "")
+        };
+        let text = format!(
+            "the drone's clock counts {ratio} s per second of the motion capture's{firmware}"
+        );
+        ((self.ratio - 1.0).abs() > RATE_NOISE).then(|| Diagnostic::warning("clock-rate", text))
+    }
+
+    /// Returns a warning if the frames differ or are offset. `y_up` is true if the capture has y up
+    /// instead of z.
+    fn frame_warning(&self, y_up: bool) -> Option<Diagnostic> {
         // The frames are registered, not registered, or nearly the same.
         let [x, y, z] = self.frame_offset_m.into();
         let Fit { rotation_rad, translation_m, residual_m, .. } = self.transform_fit;
@@ -196,10 +209,9 @@ impl Shift {
             );
             ("mocap-offset", text)
         } else {
-            return warnings;
+            return None;
         };
-        warnings.push(Diagnostic::warning(code, text));
-        warnings
+        Some(Diagnostic::warning(code, text))
     }
 }
 
@@ -215,11 +227,14 @@ struct Search {
 /// Best fit of the motion capture's path to the drone's at one time shift.
 #[derive(Clone, Copy, Debug, Default)]
 struct Fit {
+    /// Unexplained fraction of the variance of the drone's path.
     misfit: f64,
+    /// Mean of the drone's path minus that of the motion capture.
     offset_m: Vector3<f64>,
     /// Transform between the paths: a rotation about z, followed by a translation.
     rotation_rad: f64,
     translation_m: Vector3<f64>,
+    /// Root mean square distance of the transformed path from the drone's.
     residual_m: f64,
 }
 
@@ -232,22 +247,17 @@ impl Search {
         let (stamps, lasts_s) = (stamps(start_s, end_s), end_s - start_s);
         let (low_s, high_s) = (start_s - mocap_end_s, end_s - mocap_start_s);
         let step_s = ((high_s - low_s) / MAX_STEPS).max(COARSE_S);
-        // A grid search over all shifts is followed by a finer one around the best of them.
+        // A grid search over all shifts is followed by a search around the best of them, with a
+        // twentieth of the step, which is 2.5 ms.
         let coarse_s =
             self.best_shift(&stamps, 0.5 * (low_s + high_s), 0.5 * (high_s - low_s), step_s)?;
         let fine_s = self.best_shift(&stamps, coarse_s, step_s, step_s / 20.0)?;
         let fit =
             self.fit(&stamps, fine_s, self.may_rotate).filter(|fit| fit.misfit < WORST_MISFIT)?;
         let middle_s = 0.5 * (start_s + end_s);
-        let reach_s = 0.02 * lasts_s + COARSE_S;
-        // The ratio of the clock rates follows from the difference between both halves' shifts.
-        let [first_s, second_s] = [(start_s, middle_s), (middle_s, end_s)].map(|(from_s, to_s)| {
-            let stamps = self::stamps(from_s, to_s);
-            let shift_s = self.best_shift(&stamps, fine_s, reach_s, reach_s / 100.0)?;
-            let good = self.fit(&stamps, shift_s, self.may_rotate)?.misfit < 0.25 * WORST_MISFIT;
-            good.then_some(shift_s)
-        });
-        let slope = first_s.zip(second_s).map_or(0.0, |(a_s, b_s)| (b_s - a_s) / (0.5 * lasts_s));
+        // Over the whole path, the shift changes by at most this time.
+        let reach_s = MAX_RATE * lasts_s + COARSE_S;
+        let slope = self.slope([start_s, middle_s, end_s], fine_s, reach_s);
         let mut shift = Shift {
             pivot_drone_s: middle_s,
             pivot_mocap_s: middle_s - fine_s,
@@ -256,7 +266,8 @@ impl Search {
             transform_fit: Fit::default(),
         };
         let transform_fit = if slope.abs() > RATE_NOISE {
-            // The search for the shift is repeated with the rescaled clock.
+            // The search for the shift is repeated with the rescaled clock, in two passes with
+            // steps of a hundredth and a two-thousandth of the reach.
             shift.ratio = 1.0 / (1.0 - slope);
             let mut rescaled = self.clone();
             for time_s in rescaled.mocap.iter_mut().flat_map(|channel| &mut channel.time_s) {
@@ -273,6 +284,21 @@ impl Search {
         };
         shift.transform_fit = transform_fit.unwrap_or_default();
         Some(shift)
+    }
+
+    /// Returns the change of the shift per second of the drone's clock, from the shifts of both
+    /// halves of the path, or 0 if a half does not fit. `times_s` are the start, middle and end of
+    /// the path. The shifts are within `reach_s` of `around_s`.
+    fn slope(&self, times_s: [f64; 3], around_s: f64, reach_s: f64) -> f64 {
+        let [start_s, middle_s, end_s] = times_s;
+        let [first_s, second_s] = [(start_s, middle_s), (middle_s, end_s)].map(|(from_s, to_s)| {
+            let stamps = stamps(from_s, to_s);
+            let shift_s = self.best_shift(&stamps, around_s, reach_s, reach_s / 100.0)?;
+            let misfit = self.fit(&stamps, shift_s, self.may_rotate)?.misfit;
+            (misfit < WORST_HALF_MISFIT).then_some(shift_s)
+        });
+        let half_s = 0.5 * (end_s - start_s);
+        first_s.zip(second_s).map_or(0.0, |(first_s, second_s)| (second_s - first_s) / half_s)
     }
 
     /// Returns the shift in s with the least misfit within `reach_s` of `around_s`, on a grid with
@@ -322,10 +348,9 @@ impl Search {
         let best_rotation_rad = libm::atan2(sin, cos);
         let [rotated_m2, unrotated_m2] =
             [best_rotation_rad, 0.0].map(|turn| mean_square_m2(&pairs, turn));
-        // A nearly vertical path, or one with a large error, does not determine a rotation.
-        let may_rotate = may_rotate && rotated_m2 < 0.25 * unrotated_m2;
+        let is_rotated = may_rotate && rotated_m2 < WORST_ROTATED * unrotated_m2;
         let (rotation_rad, mean_square_m2) =
-            if may_rotate { (best_rotation_rad, rotated_m2) } else { (0.0, unrotated_m2) };
+            if is_rotated { (best_rotation_rad, rotated_m2) } else { (0.0, unrotated_m2) };
         let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), rotation_rad);
         let (misfit, residual_m, offset_m) =
             (mean_square_m2 / spread, mean_square_m2.sqrt(), to_m - from_m);
@@ -340,8 +365,8 @@ impl Search {
     }
 }
 
-/// Interpolates a position at a time, in m. Returns `None` in gaps longer than `gap_s` of its
-/// channel.
+/// Interpolates a position at a time, in m. Returns `None` in gaps longer than `gap_s` returns for
+/// a channel.
 fn position_m(
     channels: &[Channel],
     time_s: f64,
@@ -359,7 +384,8 @@ fn mean_square_m2(pairs: &[(Vector3<f64>, Vector3<f64>)], rotation_rad: f64) -> 
     pairs.iter().map(|(to, from)| (to - turn * from).norm_squared() / n).sum()
 }
 
-/// Returns the maximum gap in the drone's path in s over which the path is interpolated.
+/// Returns the maximum gap in the drone's path in s over which the path is interpolated: 1 s, or
+/// two missing samples of a slower log.
 fn path_gap_s(path: &Channel) -> f64 {
     1.0_f64.max(3.0 * path.period_s)
 }
@@ -370,7 +396,7 @@ fn span(channels: &[Channel]) -> (f64, f64) {
     (start_s, channels.iter().map(Channel::end_s).fold(f64::INFINITY, f64::min))
 }
 
-/// Returns [`N_STAMPS`] equally spaced times.
+/// Returns [`N_STAMPS`] equally spaced times from the start to the end.
 fn stamps(start_s: f64, end_s: f64) -> Vec<f64> {
     let fractions = (0..N_STAMPS).map(|i| f64::from(i) / f64::from(N_STAMPS - 1));
     fractions.map(|fraction| start_s + (end_s - start_s) * fraction).collect()

@@ -14,6 +14,7 @@ use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Head, Separator};
 
+/// Number of lines at the start of a file among which the line of titles is searched.
 const HEAD_LINES: usize = 12;
 
 /// Properties of a motion capture table, as given by its header.
@@ -63,20 +64,7 @@ fn motive(
     head: usize,
     separator: Separator,
 ) -> Result<(Head, Capture)> {
-    let keys = ["Length Units", "Coordinate Space", "Rotation Type"];
-    let [units, space, rotation] = keys.map(|key| {
-        let place = lines[0].iter().position(|cell| *cell == key)?;
-        lines[0].get(place + 1).copied()
-    });
-    let unit = match units {
-        None | Some("Meters") => "m",
-        Some("Millimeters") => "mm",
-        Some("Centimeters") => "cm",
-        Some(other) => return Err(setting_error(file, &format!("Length Units {other}"), "Meters")),
-    };
-    if let Some(space) = space.filter(|space| *space != "Global") {
-        return Err(setting_error(file, &format!("Coordinate Space {space}"), "Global"));
-    }
+    let unit = motive_unit(file, &lines[0])?;
     // The lines above it contain types, names, numbers and properties.
     let above: Vec<&Vec<&str>> = lines[1..head].iter().filter(|line| line.len() > 2).collect();
     let [types_line, properties_line] =
@@ -89,6 +77,7 @@ fn motive(
     let kind = if types.contains(&"Rigid Body") { "Rigid Body" } else { "Marker" };
     let bodies = (2..lines[head].len()).filter(|index| types.get(*index) == Some(&kind));
     check_one(file, kind, bodies.map(|index| names.get(index).copied().unwrap_or_default()))?;
+    let rotation = motive_setting(&lines[0], "Rotation Type");
     let are_quaternions = rotation.is_none_or(|kind| kind == "Quaternion");
     let (mut titles, mut others) = (vec!["index".to_owned(), "t_s".to_owned()], 0);
     for (index, axis) in lines[head].iter().enumerate().skip(2) {
@@ -109,6 +98,27 @@ fn motive(
     let warnings = Diagnostic::warnings("not-read", notes.into_iter().flatten());
     let head = Head::named(titles, separator, head + 1);
     Ok((head, Capture { axes: Axes::YUp, format: "Motive", period_s: None, warnings }))
+}
+
+/// Returns the unit of length that the first line of a Motive header states, or meters if it states
+/// none. Returns [`Error::Input`] for another unit, and for a frame that is not the global one.
+fn motive_unit(file: &str, header: &[&str]) -> Result<&'static str> {
+    let space = motive_setting(header, "Coordinate Space");
+    if let Some(space) = space.filter(|space| *space != "Global") {
+        return Err(setting_error(file, &format!("Coordinate Space {space}"), "Global"));
+    }
+    match motive_setting(header, "Length Units") {
+        None | Some("Meters") => Ok("m"),
+        Some("Millimeters") => Ok("mm"),
+        Some("Centimeters") => Ok("cm"),
+        Some(other) => Err(setting_error(file, &format!("Length Units {other}"), "Meters")),
+    }
+}
+
+/// Returns the cell after a key in the first line of a Motive header.
+fn motive_setting<'a>(header: &[&'a str], key: &str) -> Option<&'a str> {
+    let place = header.iter().position(|cell| *cell == key)?;
+    header.get(place + 1).copied()
 }
 
 /// Reads a Vicon header. `head` is the index of the line of titles. Returns the titles of this

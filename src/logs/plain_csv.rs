@@ -32,6 +32,7 @@ const UNNAMED: [&str; 4] = ["t", "x", "y", "z"];
 /// Column names of a file without a header that has eight cells separated by blanks.
 const TUM: [&str; 8] = ["t", "tx", "ty", "tz", "qx", "qy", "qz", "qw"];
 
+/// Beginning of the titles of a Loco deck's ranges.
 const RANGE: &str = "ranging.distance";
 
 /// Maximum time over which rows with equal times are spread. Times may be in whole seconds.
@@ -63,35 +64,21 @@ pub(super) fn read(
     let titles: Vec<String> = sheet.columns.iter().map(|column| column.title.clone()).collect();
     rows::join_times(&mut sheet.columns, &mut are_dated, &mut log)?;
 
-    // The format determines axes and period if the header identifies it.
     let is_captured = captured.is_some();
-    let mut period_s = options.period_s;
-    if let Some(captured) = captured {
-        (log.axes, log.in_format) = (captured.axes, Some(captured.format));
-        log.warnings.extend(captured.warnings);
-        period_s = captured.period_s.or(period_s);
-    } else if is_px4(&titles) {
-        (log.axes, log.in_format) = (Axes::ZDown, Some("the local position of PX4"));
-    }
+    let period_s = note_format(&mut log, captured, &titles).or(options.period_s);
 
     // The columns are given their standard names, and then the times are determined.
-    let mut columns = Columns { log, time_unit: options.time_unit, ..Columns::default() };
-    for column in sheet.columns {
-        let is_dated = are_dated[column.number - 1];
-        columns.add(column, is_dated)?;
-    }
-    let Columns { mut log, time, mut named, .. } = columns;
-    subjects::resolve(&mut log, &mut named)?;
+    let columns = Columns { log, time_unit: options.time_unit, ..Columns::default() };
+    let Columns { mut log, time, named, .. } = columns.with_all(sheet.columns, &are_dated)?;
     log.is_stamped = time.is_some() && !is_imported;
-    let mut time_s = match (time, period_s) {
-        (Some(_), Some(_)) if !is_captured => {
-            let wanted = "no time column, because a period is given";
-            return Err(Error::input(file, "a column of times", wanted, "omit the period"));
-        }
-        (Some((_, time_s)), _) => time_s,
-        (None, Some(period_s)) => numbered_times(&named, is_captured, period_s),
-        (None, None) => return Err(without_times(text, &titles, file)),
-    };
+    // A capture's period applies only to tables without times, but an option contradicts them.
+    if time.is_some() && period_s.is_some() && !is_captured {
+        let wanted = "no time column, because a period is given";
+        return Err(Error::input(file, "a column of times", wanted, "omit the period"));
+    }
+    let time_s = time.map(|(_, time_s)| time_s);
+    let time_s = time_s.or_else(|| Some(numbered_times(&named, is_captured, period_s?)));
+    let mut time_s = time_s.ok_or_else(|| without_times(text, &titles, file))?;
     if unnamed.is_some() {
         check_assumed_times(&time_s, file)?;
     }
@@ -104,6 +91,20 @@ pub(super) fn read(
     log.blocks = vec![block];
     resolve_angles(&mut log, options.angle_unit);
     Ok(log)
+}
+
+/// Enters the axes and the warnings of a format that the header identifies in the log. Returns the
+/// period that the header of a motion capture table states.
+fn note_format(log: &mut Recording, captured: Option<Capture>, titles: &[String]) -> Option<f64> {
+    if let Some(captured) = captured {
+        (log.axes, log.in_format) = (captured.axes, Some(captured.format));
+        log.warnings.extend(captured.warnings);
+        return captured.period_s;
+    }
+    if is_px4(titles) {
+        (log.axes, log.in_format) = (Axes::ZDown, Some("the local position of PX4"));
+    }
+    None
 }
 
 /// Names the columns of a table without a header by their order. Returns a note about this, or
@@ -231,15 +232,10 @@ impl Columns {
         let SheetColumn { title, number, values, .. } = column;
         let Title { mut name, is_known, unit, body, other_unit } = Title::parse(&title);
         if let Some(other) = other_unit {
+            let (place, unit) = (format!("column {title}"), format!("the unit {other}"));
             let wanted = "m, cm, mm, in, ft, s, ms, us, ns, min, h, d, rad, deg, or these by s";
             let hint = "convert the column, or correct its title";
-            return Err(Error::input(
-                format!("column {title}"),
-                format!("the unit {other}"),
-                wanted,
-                hint,
-            )
-            .in_file(&self.log.file, None));
+            return Err(Error::input(place, unit, wanted, hint).in_file(&self.log.file, None));
         }
         // Pandas writes times as an index of dates.
         if is_dated && name == "index" {
@@ -248,17 +244,7 @@ impl Columns {
         // The first column of times may be empty while the second one is filled.
         if name == "t" && (title == "t" || is_dated || values.iter().any(|value| !value.is_nan())) {
             let (time_s, guess) = times(&title, values, is_dated, unit, self.time_unit);
-            if let Some((first, _)) = &self.time {
-                let text = format!(
-                    "the times are those of {first}, and {title} contains \
-                                    different times"
-                );
-                self.log.warn("times-twice", text);
-                self.named.push(Column::new(title, time_s));
-            } else {
-                self.log.warnings.extend(guess);
-                self.time = Some((title, time_s));
-            }
+            self.add_times(title, time_s, guess);
             return Ok(());
         }
         let mut unknown = None;
@@ -286,6 +272,30 @@ impl Columns {
         self.from.entry(name.clone()).or_insert_with(|| (title, body));
         self.named.push(Column { unknown, ..in_si_units(name, unit, values) });
         Ok(())
+    }
+
+    /// Adds all columns, and identifies a position that is named after a subject. `are_dated` says
+    /// for each column of the file whether its values come from dates or times of day.
+    fn with_all(mut self, columns: Vec<SheetColumn>, are_dated: &[bool]) -> Result<Self> {
+        for column in columns {
+            let is_dated = are_dated[column.number - 1];
+            self.add(column, is_dated)?;
+        }
+        subjects::resolve(&mut self.log, &mut self.named)?;
+        Ok(self)
+    }
+
+    /// Uses a column as the times, with the warning `guess` about their unit. A second column of
+    /// times is added under its title, with another warning.
+    fn add_times(&mut self, title: String, time_s: Vec<f64>, guess: Option<Diagnostic>) {
+        let Some((first, _)) = &self.time else {
+            self.log.warnings.extend(guess);
+            self.time = Some((title, time_s));
+            return;
+        };
+        let text = format!("the times are those of {first}, and {title} contains different times");
+        self.log.warn("times-twice", text);
+        self.named.push(Column::new(title, time_s));
     }
 }
 
@@ -340,6 +350,7 @@ fn times(
 /// Adds a day, half a day or an hour after each backward step of about that size. Returns the
 /// number of backward steps.
 fn undo_midnights(times_s: &mut [f64]) -> u32 {
+    /// Largest difference between a backward step and the time that the clock restarted after.
     const NEAR_S: f64 = 60.0;
     /// Latest time of day, 25 hours. Larger numbers are dates, which do not restart.
     const LATEST_S: f64 = 90_000.0;
@@ -368,7 +379,7 @@ fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|value| value * value).sum::<f64>() / n).sqrt()
 }
 
-/// Returns true if angles of unknown unit are in degrees. Also returns the reason, or `None` if
+/// True if angles of unknown unit are in degrees. Also returns the reason, or `None` if
 /// radians are plausible.
 pub(super) fn are_degrees(block: &Block) -> (bool, Option<String>) {
     /// Root mean square (20°) and maximum (40°) of pitch and roll in an ordinary flight, rad.

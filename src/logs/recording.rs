@@ -54,6 +54,7 @@ pub(super) struct Block {
 /// Clock that measured a block's times.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Clock {
+    /// The drone, or the only clock of a table.
     #[default]
     Drone,
     /// Computer of the motion capture system, whose clock has a different zero.
@@ -93,6 +94,7 @@ impl Block {
         self.columns.iter().find(|column| column.name == name)
     }
 
+    /// Returns the first column with this name.
     pub(super) fn column_mut(&mut self, name: &str) -> Option<&mut Column> {
         self.columns.iter_mut().find(|column| column.name == name)
     }
@@ -221,10 +223,12 @@ impl Channel {
         Self { period_s: median(steps_s).unwrap_or(0.0), time_s, values }
     }
 
+    /// Returns the time of the first sample.
     pub(super) fn start_s(&self) -> f64 {
         self.time_s[0]
     }
 
+    /// Returns the time of the last sample.
     pub(super) fn end_s(&self) -> f64 {
         self.time_s[self.time_s.len() - 1]
     }

@@ -52,8 +52,8 @@ pub(super) fn check(sheet: &Sheet, file: &str) -> Result<()> {
 pub(super) fn long_form_error([time, names, value]: [&str; 3]) -> Error {
     let form = format_args!("a table in long form, whose column {names} names each value");
     let hint = format!(
-        "pandas.read_csv(FILE).pivot_table(index=\"{time}\", columns=\"{names}\", \
-         values=\"{value}\").to_csv(\"log.csv\"), and import that"
+        "convert it with pandas.read_csv(FILE).pivot_table(index=\"{time}\", columns=\"{names}\", \
+         values=\"{value}\").to_csv(\"log.csv\"), and import log.csv"
     );
     Error::input("rows", form, "a column for each variable", hint)
 }
@@ -74,6 +74,7 @@ pub(super) fn check_owners(title: &str, owners: &[String], file: &str) -> Result
 /// Returns the different numbers in a column if they can be ids, which means at most 64 integers
 /// that repeat. Otherwise returns an empty list.
 pub(super) fn repeated_ids(values: &[f64]) -> Vec<String> {
+    /// More numbers are measurements, not ids.
     const MAX_IDS: usize = 64;
     let mut ids = BTreeSet::new();
     for value in values.iter().filter(|value| value.is_finite()) {
@@ -138,7 +139,7 @@ pub(super) fn whole_seconds_title(title: &str) -> Option<(String, f64)> {
     })
 }
 
-/// Returns true if `seconds` are whole and `fractions`, in units of `unit_s`, are below a second.
+/// True if `seconds` are whole and `fractions`, in units of `unit_s`, are below a second.
 pub(super) fn is_fraction(seconds: &[f64], fractions: &[f64], unit_s: f64) -> bool {
     seconds.iter().all(|value: &f64| value.is_nan() || value.fract() == 0.0)
         && fractions.iter().all(|value| value.is_nan() || (0.0..1.0).contains(&(value * unit_s)))

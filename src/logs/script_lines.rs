@@ -78,6 +78,7 @@ pub(super) fn read(text: &[u8], Job { file, options, budget }: Job<'_>) -> Resul
 }
 
 impl Lines {
+    /// Returns the empty log of a file.
     fn new(file: &str) -> Self {
         Self { file: file.to_owned(), ..Self::default() }
     }
@@ -248,12 +249,12 @@ impl GrowingLog {
         Ok(!bytes.is_empty())
     }
 
-    /// Returns true if the log's head has been read.
+    /// True if the log's head has been read.
     pub fn has_begun(&self) -> bool {
         self.lines.n_lines > 0
     }
 
-    /// Returns true if the script has written the end mark.
+    /// True if the script has written the end mark.
     pub fn has_ended(&self) -> bool {
         self.lines.has_ended
     }

@@ -1,36 +1,25 @@
-//! Sources of quantities: converts logged variables to SI units and standard frames.
+//! Sources of quantities: selects the logged variables from which a flight is made.
 //!
-//! The tables below define all known variables, and convert degrees, millimeters and the firmware's
-//! inverted pitch. Each quantity uses the first source, in order of preference, that is logged,
-//! plausible and live. A source is plausible if its numbers are possible for a drone, and live if
-//! it changes while others do. A quantity that is frozen while the drone moves counts as not
-//! logged. Warnings list everything that is ignored.
-//!
-//! Signs and units are taken from these files:
-//!
-//! - crazyflie-firmware: `stabilizer_types.h` and `stabilizer.c` (degrees with inverted pitch,
-//!   compressed state in mm, mm/s and mrad/s), `kalman_core.c` (velocity in the body frame,
-//!   quaternion `w x y z`), `quatcompress.h`, `controller_lee.c` (radians, no inverted sign),
-//!   `controller_mellinger.c` and `controller_pid.c` (inverted pitch rate)
-//! - AE483 course: `controller_ae483.c` (meters, radians, body frame)
-//! - INAV: `navigation.h` (cm, north, east, up), `flight/imu.c` (0.1°, heading clockwise)
+//! Each quantity uses the first source, in order of preference ([`super::source_tables`]), that is
+//! logged, plausible and live. A source is plausible if its numbers are possible for a drone, and
+//! live if it changes while others do. A quantity that is frozen while the drone moves counts as
+//! not logged. Warnings list everything that is ignored.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::Vector3;
 
-use super::PositionSource;
+use super::PositionSource::{self, Custom, Firmware};
 use super::recording::{Channel, Recording, names, shortened};
+use super::source_tables::{
+    ANY, ATTITUDE, COMPRESSED_QUATERNION, DESIGN, MOTORS, POSITION, QUATERNIONS, RATE, Source,
+    VELOCITY_BODY, VELOCITY_WORLD,
+};
 use noctograph_core::diagnostic::Diagnostic;
-use noctograph_core::files::DEGREE as DEG;
 use noctograph_core::flight::Quantity;
 use noctograph_core::flight::table::on_grid;
 use noctograph_core::geometry::Attitude;
 use noctograph_core::product::MAX_QUANTITY;
-
-/// Variables for one quantity: the kind of source, a pattern of their names, and factors to SI
-/// units and standard signs. An empty list of factors means 1.
-struct Source(PositionSource, &'static str, &'static [f64]);
 
 /// Minimum time over which a live source changes, relative to the source that changes longest.
 const ALIVE_FRACTION: f64 = 0.1;
@@ -46,96 +35,6 @@ const DIVERGED: &str = "source-diverged";
 const LOST_M_S: f64 = 5.0;
 const LOST_M: f64 = 0.2;
 
-use PositionSource::{Best, Custom, Estimate, Firmware, Lighthouse, Mocap};
-
-/// World position, m. Lighthouse is last, because its raw fixes are held between sweeps and drop
-/// out. The estimators filter these fixes (they differ by 5 mm rms on the reference flight).
-const POSITION: &[Source] = &[
-    Source(Mocap, "mocap.{x y z}", &[]),
-    Source(Mocap, "ae483log.p_{x y z}_mocap", &[]),
-    Source(Mocap, "locSrv.{x y z}", &[]),
-    Source(Mocap, "locSrvZ.{x y z}", &[1e-3; 3]),
-    Source(Best, "{x y z}_m", &[]),
-    Source(Custom, "ae483log.o_{x y z}", &[]),
-    Source(Custom, "ae483log.p_{x y z}", &[]),
-    Source(Firmware, "stateEstimate.{x y z}", &[]),
-    Source(Firmware, "stateEstimateZ.{x y z}", &[1e-3; 3]),
-    Source(Firmware, "kalman.state{X Y Z}", &[]),
-    Source(Firmware, "{x y z}_estimate_m", &[]),
-    Source(Lighthouse, "lighthouse.{x y z}", &[]),
-    Source(Lighthouse, "ae483log.lh_{x y z}", &[]),
-    Source(Lighthouse, "estPosition.{x y z}", &[]),
-    Source(Firmware, "navPos[{0 1 2}]", &[1e-2, -1e-2, 1e-2]),
-];
-
-/// Setpoint in the world frame, m.
-const DESIGN: &[Source] = &[
-    Source(Custom, "ae483log.o_{x y z}_des", &[]),
-    Source(Custom, "ae483log.p_{x y z}_des", &[]),
-    Source(Firmware, "ctrltarget.{x y z}", &[]),
-    Source(Firmware, "ctrltargetZ.{x y z}", &[1e-3; 3]),
-    Source(Firmware, "posCtl.target{X Y Z}", &[]),
-    Source(Best, "{x y z}_design_m", &[]),
-];
-
-/// Yaw, pitch and roll, rad. The firmware's pitch has the opposite sign.
-const ATTITUDE: &[Source] = &[
-    Source(Mocap, "mocap.{yaw pitch roll}", &[]),
-    Source(Mocap, "ae483log.{psi theta phi}_mocap", &[]),
-    Source(Best, "{yaw pitch roll}_rad", &[]),
-    Source(Custom, "ae483log.{psi theta phi}", &[]),
-    Source(Firmware, "stateEstimate.{yaw pitch roll}", &[DEG, -DEG, DEG]),
-    Source(Firmware, "stabilizer.{yaw pitch roll}", &[DEG, -DEG, DEG]),
-    Source(Firmware, "ctrlLee.rpy{z y x}", &[]),
-    Source(Firmware, "attitude[{2 1 0}]", &[-0.1 * DEG, 0.1 * DEG, 0.1 * DEG]),
-];
-
-/// Quaternions of the attitude in the order w x y z, for logs without angles.
-const QUATERNIONS: &[Source] = &[
-    Source(Best, "q{w x y z}", &[]),
-    Source(Firmware, "stateEstimate.q{w x y z}", &[]),
-    Source(Firmware, "kalman.q{0 1 2 3}", &[]),
-    Source(Mocap, "locSrv.q{w x y z}", &[]),
-];
-
-/// Attitude compressed to 32 bits, for logs without any other attitude.
-const COMPRESSED_QUATERNION: &str = "stateEstimateZ.quat";
-
-/// Velocity in the body frame, m/s.
-const VELOCITY_BODY: &[Source] = &[
-    Source(Best, "v{x y z}_body_m_s", &[]),
-    Source(Custom, "ae483log.v_{x y z}", &[]),
-    Source(Firmware, "kalman.stateP{X Y Z}", &[]),
-];
-
-/// Velocity in the world frame, m/s.
-const VELOCITY_WORLD: &[Source] = &[
-    Source(Best, "v{x y z}_world_m_s", &[]),
-    Source(Firmware, "stateEstimate.v{x y z}", &[]),
-    Source(Firmware, "stateEstimateZ.v{x y z}", &[1e-3; 3]),
-    Source(Firmware, "navVel[{0 1 2}]", &[1e-2, -1e-2, 1e-2]),
-];
-
-/// Angular velocity in the body frame, rad/s.
-const RATE: &[Source] = &[
-    Source(Best, "w{x y z}_body_rad_s", &[]),
-    Source(Custom, "ae483log.w_{x y z}", &[]),
-    Source(Firmware, "gyro.{x y z}", &[DEG; 3]),
-    Source(Firmware, "stateEstimateZ.rate{Roll Pitch Yaw}", &[1e-3, -1e-3, 1e-3]),
-    Source(Firmware, "ctrlLee.omega{x y z}", &[]),
-    Source(Firmware, "ctrlMel.r_{roll pitch yaw}", &[1.0, -1.0, 1.0]),
-    Source(Firmware, "controller.r_{roll pitch yaw}", &[1.0, -1.0, 1.0]),
-];
-
-/// Motor commands, 0…65535.
-const MOTORS: &[Source] = &[
-    Source(Firmware, "motor.m{1 2 3 4}", &[]),
-    Source(Custom, "ae483log.m_{1 2 3 4}", &[]),
-    Source(Firmware, "pwm.m{1 2 3 4}_pwm", &[]),
-    Source(Firmware, "motor.m{1 2 3 4}req", &[]),
-    Source(Best, "m{1 2 3 4}", &[]),
-];
-
 /// Quantities in a log.
 #[derive(Debug)]
 pub(super) struct Quantities {
@@ -143,6 +42,7 @@ pub(super) struct Quantities {
     pub(super) channels: BTreeMap<Quantity, Vec<Channel>>,
     /// True if the velocity is in the world frame, false if it is in the body frame.
     pub(super) has_world_velocity: bool,
+    /// Names of the variables that the channels are made of.
     pub(super) used: BTreeSet<String>,
     pub(super) warnings: Vec<Diagnostic>,
 }
@@ -153,22 +53,6 @@ struct Search<'a> {
     used: BTreeSet<String>,
     warnings: Vec<Diagnostic>,
 }
-
-impl PositionSource {
-    /// Returns the kinds of sources that this choice accepts, in order of preference.
-    fn kinds(self) -> &'static [Self] {
-        match self {
-            Best => ANY,
-            Firmware => &[Best, Firmware],
-            Estimate => &[Custom, Firmware],
-            Mocap => &[Mocap],
-            Custom => &[Custom],
-            Lighthouse => &[Lighthouse],
-        }
-    }
-}
-
-const ANY: &[PositionSource] = &[Best, Mocap, Custom, Firmware, Lighthouse];
 
 /// Returns true for the first variable of a position source.
 pub(super) fn is_position(name: &str) -> bool {
@@ -220,6 +104,7 @@ fn moving_s(position: Option<&Vec<Channel>>) -> f64 {
 }
 
 impl<'a> Search<'a> {
+    /// Returns a search before its first quantity.
     fn new(recording: &'a Recording) -> Self {
         Self { recording, used: BTreeSet::new(), warnings: Vec::new() }
     }
@@ -236,8 +121,10 @@ impl<'a> Search<'a> {
         Some(self.first(sources)?.1)
     }
 
-    /// Returns the first plausible and live source in SI units. An observer that did not run logs a
-    /// constant. If no source changes, returns the first nonzero one, otherwise the first.
+    /// Returns the first plausible and live source in SI units, and adds it to the used variables.
+    /// If no source changes, returns the first nonzero one, otherwise the first. Returns `None` if
+    /// no source is logged completely, or if all diverged, except
+    /// that a diverged position is returned.
     fn first<'s>(
         &mut self,
         sources: impl Iterator<Item = &'s Source>,
@@ -261,7 +148,8 @@ impl<'a> Search<'a> {
             logged = diverged;
             logged.retain(|(source, _)| POSITION.iter().any(|p| p.1 == source.1));
         }
-        // A source is live if it changes for about as long as others do.
+        // A source is live if it changes for about as long as others do. An observer that did not
+        // run logs a constant.
         let active_s =
             logged.iter().map(|(_, channels)| channels.iter().map(active_s).fold(0.0, f64::max));
         let most_s = active_s.clone().fold(0.0, f64::max);
@@ -278,6 +166,7 @@ impl<'a> Search<'a> {
         Some((source, channels))
     }
 
+    /// Adds a warning.
     fn warn(&mut self, code: &'static str, message: String) {
         self.warnings.push(Diagnostic::warning(code, message));
     }
@@ -390,10 +279,11 @@ impl<'a> Search<'a> {
                 self.used.insert(COMPRESSED_QUATERNION.to_owned());
                 packed.time_s.into_iter().zip(packed.values.into_iter().map(decompressed)).collect()
             };
-        // Parts that are all zero stand for a missing quaternion.
+        /// Squared length of a missing quaternion, whose parts are all zero. A valid one is near 1.
+        const MISSING: f64 = 1e-6;
         let valid = quaternions
             .into_iter()
-            .filter(|(_, q)| q.iter().map(|part| part * part).sum::<f64>() > 1e-6);
+            .filter(|(_, q)| q.iter().map(|part| part * part).sum::<f64>() > MISSING);
         let (time_s, attitudes): (Vec<f64>, Vec<Attitude>) =
             valid.map(|(time_s, q)| (time_s, attitude_from_quaternion(q))).unzip();
         let angles: [fn(&Attitude) -> f64; 3] = [|a| a.yaw_rad, |a| a.pitch_rad, |a| a.roll_rad];
@@ -404,7 +294,8 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// Removes positions (0, 0, 0) that motion capture writes for a lost body, known by their jump.
+    /// Removes positions (0, 0, 0) to or from which the drone would jump, with a warning. Motion
+    /// capture writes them for a lost body.
     fn without_zeros(&mut self, mut channels: Vec<Channel>) -> Vec<Channel> {
         let [x, y, z] = &channels[..] else { return channels };
         if x.time_s != y.time_s || x.time_s != z.time_s {
@@ -413,7 +304,7 @@ impl<'a> Search<'a> {
         let positions_m: Vec<Vector3<f64>> = (0..x.values.len())
             .map(|i| Vector3::new(x.values[i], y.values[i], z.values[i]))
             .collect();
-        // Zeros stand for a lost body if the drone would have jumped to them or back from them.
+        // A jump is both long and fast.
         let jumps = positions_m.windows(2).zip(x.time_s.windows(2)).map(|(pair_m, time_s)| {
             let apart_m = (pair_m[1] - pair_m[0]).norm();
             apart_m > LOST_M && apart_m > LOST_M_S * (time_s[1] - time_s[0])
@@ -449,7 +340,7 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Returns true if any angle changes for some time. The angles of a dead source are constant.
+/// True if any angle changes for some time. The angles of a dead source are constant.
 fn is_alive(angles: &[Channel]) -> bool {
     angles.iter().any(|angle| active_s(angle) > 0.0)
 }
@@ -511,6 +402,7 @@ fn unwrap_angle(channel: &mut Channel) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::PositionSource::Best;
     use crate::recording::{Block, Column};
 
     fn recording(columns: &[(&str, f64)]) -> Recording {

@@ -6,12 +6,13 @@ use super::recording::Channel;
 use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Error, Result};
 
+/// Code of the warnings about glitches.
 const GLITCHES: &str = "position-glitches";
 
 /// Minimum step that counts as movement, m.
 const STEP_M: f64 = 1e-3;
 
-/// Minimum size of a glitch, m. Smaller steps may seem fast because of errors in their times.
+/// Minimum size of a glitch, m. Smaller steps may seem fast because their times are inaccurate.
 const GLITCH_M: f64 = 0.2;
 
 /// Minimum acceleration of a spike, m/s², which no drone reaches. A spike is a single sample that
@@ -28,6 +29,15 @@ const RETURN_FRACTION: f64 = 0.5;
 const MIN_FAST_STEPS: usize = 3;
 const MIN_FAST_FRACTION: f64 = 0.1;
 
+/// A step of a position along one axis that is too fast.
+#[derive(Clone, Copy)]
+struct FastStep {
+    speed_m_s: f64,
+    /// Time from the first sample to the start of the step.
+    time_s: f64,
+    step_m: f64,
+}
+
 /// Returns [`Error::Input`] if many steps of a position are faster than `max_speed_m_s`. Returns a
 /// warning if a few steps are, or about spikes, and otherwise `None`. `position` has a channel for
 /// each axis, in m.
@@ -36,7 +46,7 @@ pub(super) fn check(
     options: &ImportOptions,
     file: &str,
 ) -> Result<Option<Diagnostic>> {
-    let (mut n_moving, mut fast) = (0, Vec::new());
+    let (mut n_moving, mut fast) = (0, Vec::<FastStep>::new());
     for channel in position {
         let pairs = channel.time_s.windows(2).zip(channel.values.windows(2));
         for (time_s, position_m) in pairs {
@@ -44,12 +54,13 @@ pub(super) fn check(
             let speed_m_s = step_m / (time_s[1] - time_s[0]);
             n_moving += usize::from(step_m > STEP_M);
             if step_m > STEP_M && speed_m_s > options.max_speed_m_s {
-                fast.push((speed_m_s, time_s[0] - channel.start_s(), step_m));
+                let time_s = time_s[0] - channel.start_s();
+                fast.push(FastStep { speed_m_s, time_s, step_m });
             }
         }
     }
-    let Some((fastest_m_s, time_s, _)) = fast.iter().copied().max_by(|a, b| a.0.total_cmp(&b.0))
-    else {
+    let fastest = fast.iter().copied().max_by(|a, b| a.speed_m_s.total_cmp(&b.speed_m_s));
+    let Some(FastStep { speed_m_s: fastest_m_s, time_s, .. }) = fastest else {
         return Ok(spikes(position));
     };
     // A few fast steps are glitches, and small ones result from errors in the times.
@@ -58,7 +69,7 @@ pub(super) fn check(
         "{n} of {n_moving} steps faster than {most_m_s} m/s (at {time_s:.2} s {fastest_m_s:.0} m/s)"
     );
     if n < MIN_FAST_STEPS || (n as f64) < MIN_FAST_FRACTION * n_moving as f64 {
-        let is_far = fast.iter().any(|(.., step_m)| *step_m > GLITCH_M);
+        let is_far = fast.iter().any(|step| step.step_m > GLITCH_M);
         let text = format!("the position has {seen}: glitches of its sensor?");
         return Ok(is_far.then(|| Diagnostic::warning(GLITCHES, text)));
     }

@@ -42,6 +42,7 @@ const OTHERS: &str = "acc accel acceleration gyro gyr mag magnetometer magnetic 
     desired sp setpoint set error err bias cov covariance var variance std sigma imu quat rot wind \
     dir axis jerk moment current_a gravity lin ang joy stick rc light led color integral pid";
 
+/// Standard names of a position's columns.
 const POSITION: [&str; 3] = ["x_m", "y_m", "z_m"];
 
 /// Renames the columns of a position given by a subject or by compass directions, unless another
@@ -83,7 +84,7 @@ pub(super) fn resolve(log: &mut Recording, columns: &mut [Column]) -> Result<()>
 /// Indices of columns, with their new titles.
 type Renamed = Vec<(usize, Title)>;
 
-/// Returns true if there is a column with this name.
+/// True if there is a column with this name.
 fn has(columns: &[Column], name: &str) -> bool {
     columns.iter().any(|column| column.name == name)
 }

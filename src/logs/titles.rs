@@ -34,6 +34,7 @@ const NAMES: [(&str, &str, &str); 18] = [
     (" ", "index", "index row "),
 ];
 
+/// Standard names of the angles.
 pub(super) const ANGLES: [&str; 3] = ["yaw_rad", "pitch_rad", "roll_rad"];
 
 /// A parsed title.

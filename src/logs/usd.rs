@@ -17,11 +17,13 @@ use super::{Damaged, Job, MAX_VARIABLES};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Budget, push};
 
+/// First byte of a log.
 pub(super) const MAGIC: u8 = 0xBC;
 
 /// Period after which the times of version 1, which are 32-bit milliseconds, restart at zero.
 const WRAP_V1_S: f64 = 4_294_967.296;
 
+/// Advice for a damaged log.
 const HINT: &str =
     "copy the file from the card again, or if it is still damaged, recover its intact part";
 
@@ -41,20 +43,20 @@ pub(super) fn read(bytes: &[u8], job: Job<'_>) -> Result<Recording> {
         before.len() >= cursor.offset && crc32fast::hash(before) == u32::from_le_bytes(*crc)
     });
     let end = if is_crc_right { body.len() - 4 } else { body.len() };
-    let (length, is_cut_off, damage) = records(&body[..end], version, &mut events, budget)?;
+    let Stop { n_bytes, is_cut_off, reason } = records(&body[..end], version, &mut events, budget)?;
     let n: usize = events.values().map(|event| event.block.time_s.len()).sum();
     let mut log = Recording {
         wrap_s: (version == 1).then_some(WRAP_V1_S),
         is_on_card: true,
         ..Recording::new(file)
     };
-    if !is_crc_right || length < end {
-        let byte = cursor.offset + length;
+    if !is_crc_right || n_bytes < end {
+        let byte = cursor.offset + n_bytes;
         if (is_crc_right || !is_cut_off) && options.damaged == Damaged::Refuse {
             let wanted = "records of known events, and then the CRC32 of all preceding bytes";
-            return Err(cursor.error(byte, damage, wanted));
+            return Err(cursor.error(byte, reason, wanted));
         }
-        log.warn("log-cut", format!("byte {byte}: {damage}; {n} records before it are read"));
+        log.warn("log-cut", format!("byte {byte}: {reason}; {n} records before it are read"));
     }
     log.blocks = events.into_values().map(|event| event.block).collect();
     Ok(log)
@@ -62,7 +64,9 @@ pub(super) fn read(bytes: &[u8], job: Job<'_>) -> Result<Recording> {
 
 /// An event type, and its records read so far.
 struct Event {
+    /// Decoders of the variables, in the order of a record.
     decoders: Vec<Decoder>,
+    /// Number of bytes of all variables in a record.
     n_bytes: usize,
     block: Block,
 }
@@ -70,14 +74,23 @@ struct Event {
 /// Work budget in steps for reading one number.
 const STEPS: usize = 5;
 
-/// Reads records up to the first one that is incomplete or unknown. Returns the number of bytes
-/// read, true if the log may be truncated there, and the reason.
+/// Point at which no further record can be read.
+struct Stop {
+    /// Number of bytes before it.
+    n_bytes: usize,
+    /// True if the log may be truncated there.
+    is_cut_off: bool,
+    reason: String,
+}
+
+/// Reads records up to the first one that is incomplete or unknown, into the blocks of their
+/// events.
 fn records(
     body: &[u8],
     version: u16,
     events: &mut BTreeMap<u16, Event>,
     budget: &Budget,
-) -> Result<(usize, bool, String)> {
+) -> Result<Stop> {
     const SHORT: &str = "the log is cut off within a record";
     // A record begins with the event's number in two bytes and the time in four or eight.
     let n_header_bytes = if version == 1 { 6 } else { 10 };
@@ -85,38 +98,50 @@ fn records(
     let mut offset = 0;
     loop {
         let rest = &body[offset..];
+        let stop = |is_cut_off, reason: &str| {
+            Ok(Stop { n_bytes: offset, is_cut_off, reason: reason.to_owned() })
+        };
+        // Without a further record, the log is complete if the caller has found a right CRC.
         let Some((id, _)) = rest.split_first_chunk::<2>() else {
             let between = "the log ends without a CRC, cut off between two records";
-            return Ok((offset, true, if rest.is_empty() { between } else { SHORT }.into()));
+            return stop(true, if rest.is_empty() { between } else { SHORT });
         };
         let id = u16::from_le_bytes(*id);
         // Zeros are not a record, because the drone's counter is never zero. They are clusters of
-        // the card that were allocated but never written.
+        // the card that were allocated but never written. Four zeros may be a CRC.
         if id == 0 && rest.len() > 4 && offset >= zeros_from {
-            return Ok((offset, true, "zeros up to the end: the log was cut off".into()));
+            return stop(true, "zeros up to the end: the log was cut off");
         }
         let Some(event) = events.get_mut(&id) else {
             // Four bytes that do not begin a record are probably a CRC.
-            let damage = match rest.len() {
-                4 => "the CRC does not match: the file was changed after it was written".to_owned(),
-                _ => format!("event {id}, which is not in the header"),
+            return match rest.len() {
+                4 => {
+                    stop(false, "the CRC does not match: the file was changed after it was written")
+                }
+                _ => stop(false, &format!("event {id}, which is not in the header")),
             };
-            return Ok((offset, false, damage));
         };
         if rest.len() < n_header_bytes + event.n_bytes {
-            return Ok((offset, true, SHORT.into()));
+            return stop(true, SHORT);
         }
-        let n_numbers = 1 + event.decoders.len();
+        event.add(&rest[2..n_header_bytes], &rest[n_header_bytes..], budget)?;
+        offset += n_header_bytes + event.n_bytes;
+    }
+}
+
+impl Event {
+    /// Adds a record, given the bytes of its time and those that begin with its variables.
+    fn add(&mut self, time: &[u8], mut values: &[u8], budget: &Budget) -> Result<()> {
+        let n_numbers = 1 + self.decoders.len();
         budget.bytes(size_of::<f64>() * n_numbers)?;
         budget.steps(STEPS * n_numbers)?;
-        push(&mut event.block.time_s, stamp_s(&rest[2..n_header_bytes]));
-        let mut values = &rest[n_header_bytes..];
-        for ((n_bytes, number), column) in event.decoders.iter().zip(&mut event.block.columns) {
+        push(&mut self.block.time_s, stamp_s(time));
+        for ((n_bytes, number), column) in self.decoders.iter().zip(&mut self.block.columns) {
             let (value, after) = values.split_at(*n_bytes);
             push(&mut column.values, number(value));
             values = after;
         }
-        offset += n_header_bytes + event.n_bytes;
+        Ok(())
     }
 }
 
@@ -229,6 +254,7 @@ impl Cursor<'_> {
     /// it in the error.
     fn text(&mut self, wanted_item: &str) -> Result<String> {
         let rest = &self.bytes[self.offset..];
+        // The 256th byte is the zero byte of the longest string.
         let Some(length) = rest.iter().take(256).position(|byte| *byte == 0) else {
             let wanted = format!("{wanted_item}, which ends in one");
             return Err(self.error(self.offset, "no zero byte", wanted));

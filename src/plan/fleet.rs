@@ -37,7 +37,7 @@ const MAX_COMPARED: u64 = 1_000_000_000;
 /// Moment at which two drones are closest to each other.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Approach {
-    /// Time of the moment in s.
+    /// Time of the closest approach, s.
     pub time_s: f64,
     /// Horizontal distance between the drones in m.
     pub horizontal_m: f64,
@@ -315,8 +315,8 @@ impl Track {
     }
 }
 
-/// Divides the strokes from left to right into parts of about equal length, one per drone, and only
-/// between letters if `whole_letters`. Strokes that keep their order are not sorted.
+/// Divides the strokes from left to right into parts of about equal length, one per drone. If
+/// `whole_letters`, no letter is divided. Strokes that keep their order are not sorted.
 fn parts(
     strokes: &Strokes,
     whole_letters: bool,

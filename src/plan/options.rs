@@ -114,8 +114,8 @@ settings! {
         /// On or off only, as headlights of the LED-ring deck are, so that slow corners are
         /// brighter.
         "switched" => Switched,
-        /// Dimmed in proportion to the speed, so that every millimeter receives the same light, for
-        /// a ring or a color LED.
+        /// Dimmed in proportion to the speed, so that every millimeter receives the same light.
+        /// Suitable for a ring or a color LED.
         "dimmed" => Dimmed,
     }
 

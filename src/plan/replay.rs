@@ -32,7 +32,8 @@ pub struct Replay {
 ///
 /// # Errors
 ///
-/// Returns [`Error::Input`] for a flight without samples or setpoints (a design of zeros only).
+/// Returns [`Error::Input`] for a flight without samples, and for one without setpoints, whose
+/// design consists of zeros.
 pub fn replay(flight: &Flight) -> Result<Replay> {
     if flight.samples.iter().all(|sample| sample.design_m == Vector3::zeros()) {
         let hint = "name a flight or a log that contains setpoint columns";

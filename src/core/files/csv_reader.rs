@@ -287,7 +287,8 @@ fn add_units(titles: &mut [String], cells: &[String], in_groups: bool) {
 
 impl Sheet {
     /// Reads the rows of a table. `parse_cell` takes the column's index and a cell that is not a
-    /// plain number, and returns its value, or `None` for text.
+    /// plain number, and returns its value, or `None` for text. Comments and empty lines are
+    /// skipped. If the rules need line ends, a last line without one is left out, with a note.
     ///
     /// # Errors
     ///

@@ -126,7 +126,8 @@ impl Flight {
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Input`](crate::error::Error::Input) with line and column.
+    /// Returns [`Error::Input`](crate::error::Error::Input), with the line and column, for a text
+    /// that is not a flight.
     pub fn parse_csv(csv: &[u8], file: &str) -> Result<Self> {
         Self::from_table(&Table::parse(csv, file)?)
     }

@@ -52,7 +52,8 @@ pub fn on_grid(value: f64) -> f64 {
     if size < MAX_SCALED { rounded } else { value }
 }
 
-/// Table read from a file, with named columns of equal length. Required columns are finite.
+/// Table read from a file, with named columns of equal length. The numbers in required columns are
+/// finite.
 #[derive(Debug)]
 pub struct Table {
     file: String,
@@ -83,7 +84,8 @@ impl Table {
     }
 
     /// Reads the rows below a header. `is_needed` returns true for the titles of columns that must
-    /// contain numbers. Texts in other columns become NaN.
+    /// contain numbers. Texts in other columns become NaN. Numbers beyond ±[`MAX_NUMBER`] count as
+    /// texts.
     ///
     /// # Errors
     ///

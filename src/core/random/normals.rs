@@ -1,4 +1,5 @@
-//! Stream of normally distributed numbers in vectorized blocks, with the bits of [`Noise::normal`].
+//! Stream of normally distributed numbers in vectorized blocks, which have the same bits as those
+//! of [`Noise::normal`].
 //!
 //! The method is that of Box and Muller, with logarithm, sine and cosine from
 //! [`super::elementary`]. A flight at 500 Hz draws 4500 numbers per second. A number takes 3.7 ns

@@ -360,7 +360,8 @@ impl<'a> Page<'a> {
     }
 
     /// Sets `fractions` to the positions on a segment, 0 to 1 in order, at which it crosses the
-    /// edges of areas. Returns true if it crosses any. The first position is 0, and the last is 1.
+    /// edges of areas. Returns true if the segment crosses an edge. The first position is 0, and
+    /// the last is 1.
     fn crossings(
         &self,
         [from, to]: [[f64; 2]; 2],

@@ -50,8 +50,9 @@ pub struct RotorLag {
 }
 
 impl RotorLag {
-    /// Returns true if the flight determines the lag to within 100 ms. Slow logs, and those with
-    /// many gaps, do not.
+    /// True if the flight determines the lag to within 100 ms and to within the lag itself, and if
+    /// the motors explain a tenth of the changes in rotation. Slow logs do not, nor do those with
+    /// many gaps.
     pub fn is_identifiable(&self) -> bool {
         self.half_width_s < LARGEST_DOUBT_S.min(self.lag_s) && self.explained > LEAST_EXPLAINED
     }
@@ -69,7 +70,7 @@ pub(super) fn lag(flight: &Flight, samples: &[FlightSample]) -> Option<RotorLag>
     // The fit uses instruments, the response, and a regressor for each lag.
     let designs = instruments(&runs)?;
     let turns = changes(&runs, |run| run.iter().map(|s| s.rate_body_rad_s.xy().into()).collect());
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "seventy")]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "70 is in range")]
     let tries = (LONGEST_S / STEP_S).round() as u32;
     let lags_s = (0..=tries).map(|step| f64::from(step) * STEP_S);
     let pushes: Vec<Changes> =
@@ -89,8 +90,8 @@ pub(super) fn lag(flight: &Flight, samples: &[FlightSample]) -> Option<RotorLag>
 /// stretch each (jackknife).
 fn jackknife_sigma(estimates: &[f64]) -> f64 {
     let n = estimates.len() as f64;
-    let middle = estimates.iter().sum::<f64>() / n;
-    let square: f64 = estimates.iter().map(|x| (x - middle) * (x - middle)).sum();
+    let mean = estimates.iter().sum::<f64>() / n;
+    let square: f64 = estimates.iter().map(|x| (x - mean) * (x - mean)).sum();
     (square * (n - 1.0) / n).sqrt()
 }
 
@@ -182,6 +183,7 @@ fn explained(stretches: &[Stretch], without: Option<usize>) -> Option<Explained>
             likelihood += if noise > 0.0 { shared / noise } else { 0.0 };
             fraction += if pxy > 0.0 && pxx * yy > 0.0 { pxy * pxy / (pxx * yy) } else { 0.0 };
         }
+        // The fractions of both axes are averaged.
         curve.push(likelihood);
         most = most.max(0.5 * fraction);
     }
@@ -253,7 +255,7 @@ fn torques(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 2]> {
 /// curve has a value for each multiple of [`STEP_S`].
 fn peak(curve: &[f64]) -> f64 {
     let highest = (0..curve.len()).max_by(|a, b| curve[*a].total_cmp(&curve[*b])).unwrap_or(0);
-    #[expect(clippy::cast_precision_loss, reason = "sixty")]
+    #[expect(clippy::cast_precision_loss, reason = "at most 70")]
     let index = highest as f64;
     let before = highest.checked_sub(1).map(|index| curve[index]);
     let shift = match (before, curve.get(highest + 1)) {
@@ -267,7 +269,8 @@ fn peak(curve: &[f64]) -> f64 {
     (index + shift) * STEP_S
 }
 
-/// Returns the indices of triples of samples that are one span of 40 ms apart.
+/// Returns the pairs of consecutive spans, each as the indices of its three ends. Spans last at
+/// least [`SPAN_S`], and each span but the first and the last belongs to two pairs.
 fn pairs(run: &[FlightSample]) -> impl Iterator<Item = [usize; 3]> + '_ {
     /// Times in files are rounded to microseconds.
     const ROUNDING_S: f64 = 1e-6;
@@ -282,6 +285,7 @@ fn pairs(run: &[FlightSample]) -> impl Iterator<Item = [usize; 3]> + '_ {
         *before = [before[1], end];
         Some(three)
     });
+    // The first two triples contain no complete pair.
     let _ = ends.by_ref().take(2).count();
     ends
 }

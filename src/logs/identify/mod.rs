@@ -1,7 +1,7 @@
 //! Identifies a drone's parameters and its observer's weights from the log of a flight.
 //!
-//! Products in: a [`Flight`], and the vehicle's mass, arm length and motor lag, which a log does
-//! not determine. Product out: [`Identified`]. The method is the reference team's (AE483, 2022).
+//! The inputs are a [`Flight`] and the vehicle's mass, arm length and motor lag, which a log does
+//! not determine. The output is [`Identified`]. The method is the reference team's (AE483, 2022).
 //!
 //! - Weights of the observer: Q and R are `1/σ²` of the measurement error `y − (C x̂ + D u)` and of
 //!   the model error `ẋ − (A x + B u)` in the air, with ẋ computed by finite differences.
@@ -38,9 +38,9 @@ const LIGHTHOUSE: [[&str; 3]; 2] = [
     ["ae483log.lh_x", "ae483log.lh_y", "ae483log.lh_z"],
     ["lighthouse.x", "lighthouse.y", "lighthouse.z"],
 ];
-/// Names of logged vertical accelerations (including gravity) in order of preference, with their
-/// unit in m/s²: that of the AE483 firmware, and the accelerometer in g (`stabilizer_types.h`),
-/// both raw and as logged by the controllers.
+/// Names of logged vertical accelerations in order of preference, with their unit in m/s². All of
+/// them include gravity. That of the AE483 firmware is in m/s², and the accelerometer is in g
+/// (`stabilizer_types.h`), whether it is logged raw or by a controller.
 const ACCELERATIONS: [(&str, f64); 4] = [
     ("ae483log.a_z", 1.0),
     ("acc.z", GRAVITY_M_S2),
@@ -131,21 +131,8 @@ pub fn pendulum_inertia_kg_m2(mass_kg: f64, pivot_m: f64, period_s: f64) -> Resu
 ///
 /// Returns [`Error::Input`] if the flight lacks motor commands or is hardly in the air.
 pub fn identify(flight: &Flight, assumed: &VehicleOptions) -> Result<Identified> {
-    let hint = "import a log with motor.m1 to motor.m4, of a flight of ten seconds or more";
-    if !flight.has(Quantity::Motors) {
-        return Err(Error::input("flight", "no motor commands", "columns m1 to m4", hint));
-    }
-    let airborne = airborne(flight).unwrap_or_default();
-    let n_samples = airborne.len();
-    if n_samples < FEWEST_SAMPLES {
-        let count = format_args!("{n_samples} samples in the air");
-        return Err(Error::input("flight", count, format!("at least {FEWEST_SAMPLES}"), hint));
-    }
+    let airborne = checked_airborne(flight)?;
     let samples = &flight.samples[airborne.clone()];
-    if is_frozen(samples) {
-        let commands = "motor commands that never rotate the drone, like those of one repeated row";
-        return Err(Error::input("flight", commands, "those of a flight", hint));
-    }
     // Thrust and torque follow from the mean commands and, if plausible, the accelerometer.
     let mut left_out = Vec::new();
     let mean_motors = mean(samples.iter().map(|sample| Vector4::from(sample.motors)));
@@ -160,28 +147,16 @@ pub fn identify(flight: &Flight, assumed: &VehicleOptions) -> Result<Identified>
     let torque = MOTOR_SIGNS * mean_motors * (k_f_n * assumed.arm_m);
     let thrust_n = k_f_n * mean_motors.sum();
     // The model error requires quantities that are logged and that change.
-    type Reading = fn(&FlightSample) -> Vector3<f64>;
-    let quantities: [(Quantity, Reading); 3] = [
-        (Quantity::Rate, |s| s.rate_body_rad_s),
-        (Quantity::Attitude, |s| Vector3::new(s.attitude.pitch_rad, s.attitude.roll_rad, 0.0)),
-        (Quantity::Velocity, |s| s.velocity_body_m_s),
-    ];
-    let [turns, leans, moves] = quantities.map(|(quantity, vector)| {
-        let is_logged = flight.has(quantity);
-        let changes = samples.iter().any(|s| vector(s) != vector(&samples[0]));
-        if is_logged && !changes {
-            left_out.push(frozen(quantity.name()));
-        }
-        is_logged && changes
-    });
+    let [turns, leans, moves] = [Quantity::Rate, Quantity::Attitude, Quantity::Velocity]
+        .map(|quantity| changes(flight, samples, quantity, &mut left_out));
     let measurement_sigma_m = measurement_sigma_m(flight, &airborne, &mut left_out);
     let model_sigma = (turns && leans && moves)
         .then(|| model_sigma(flight, samples, accelerations.as_deref()))
         .filter(|sigma| are_figures(sigma));
     let air = air::uneven_air(flight, samples, k_f_n * assumed.arm_m)
-        .filter(|air| finite(air.torque_sigma_n_m));
+        .filter(|air| are_finite(air.torque_sigma_n_m));
     Ok(Identified {
-        n_samples,
+        n_samples: samples.len(),
         mean_motors: mean_motors.into(),
         k_f_n,
         motor_torque_n_m: [torque.x, torque.y],
@@ -190,7 +165,7 @@ pub fn identify(flight: &Flight, assumed: &VehicleOptions) -> Result<Identified>
         center_of_mass_half_width_m: air
             .map(|air| [1, 0].map(|axis: usize| T_95 * air.mean_sigma_n_m[axis] / thrust_n)),
         lag: lag::lag(flight, samples)
-            .filter(|lag| turns && finite([lag.lag_s, lag.half_width_s, lag.explained])),
+            .filter(|lag| turns && are_finite([lag.lag_s, lag.half_width_s, lag.explained])),
         air,
         measurement_sigma_m,
         model_sigma,
@@ -198,8 +173,49 @@ pub fn identify(flight: &Flight, assumed: &VehicleOptions) -> Result<Identified>
     })
 }
 
-/// Returns true if the motors never change their roll and pitch torque, as when a logger repeats
-/// one row. In a real flight at least one of them varies.
+/// Returns the indices of the samples in the air. Returns [`Error::Input`] if the flight lacks
+/// motor commands, has fewer than [`FEWEST_SAMPLES`] in the air, or is frozen.
+fn checked_airborne(flight: &Flight) -> Result<Range<usize>> {
+    let hint = "import a log with motor.m1 to motor.m4, of a flight of ten seconds or more";
+    if !flight.has(Quantity::Motors) {
+        return Err(Error::input("flight", "no motor commands", "columns m1 to m4", hint));
+    }
+    let airborne = airborne(flight).unwrap_or_default();
+    let n_samples = airborne.len();
+    if n_samples < FEWEST_SAMPLES {
+        let count = format_args!("{n_samples} samples in the air");
+        return Err(Error::input("flight", count, format!("at least {FEWEST_SAMPLES}"), hint));
+    }
+    if is_frozen(&flight.samples[airborne.clone()]) {
+        let commands = "motor commands that never rotate the drone, like those of one repeated row";
+        return Err(Error::input("flight", commands, "those of a flight", hint));
+    }
+    Ok(airborne)
+}
+
+/// True if the body rate, pitch and roll, or velocity is logged and changes. One that is logged but
+/// never changes is added to `left_out`.
+fn changes(
+    flight: &Flight,
+    samples: &[FlightSample],
+    quantity: Quantity,
+    left_out: &mut Vec<Diagnostic>,
+) -> bool {
+    let vector = |s: &FlightSample| match quantity {
+        Quantity::Rate => s.rate_body_rad_s,
+        Quantity::Attitude => Vector3::new(s.attitude.pitch_rad, s.attitude.roll_rad, 0.0),
+        _ => s.velocity_body_m_s,
+    };
+    let is_logged = flight.has(quantity);
+    let changes = samples.iter().any(|s| vector(s) != vector(&samples[0]));
+    if is_logged && !changes {
+        left_out.push(frozen(quantity.name()));
+    }
+    is_logged && changes
+}
+
+/// True if the motors never change their roll and pitch torque, as when a logger repeats one row.
+/// In a real flight at least one of them varies.
 pub fn is_frozen(samples: &[FlightSample]) -> bool {
     /// Tolerance, which is finer than the numeric resolution of the files.
     const SAME: f64 = 1e-3;
@@ -219,7 +235,8 @@ fn column<'a>(flight: &'a Flight, air: &Range<usize>, name: &str) -> Option<&'a 
     flight.extra.get(name).map(|column| &column[air.clone()])
 }
 
-fn finite<const N: usize>(figures: [f64; N]) -> bool {
+/// True if no figure is NaN or infinite.
+fn are_finite<const N: usize>(figures: [f64; N]) -> bool {
     figures.iter().all(|figure| figure.is_finite())
 }
 
@@ -301,7 +318,7 @@ fn signed_sum(axis: usize, motors: &[f64; 4]) -> f64 {
     (0..4).map(|motor| MOTOR_SIGNS[(axis, motor)] * motors[motor]).sum()
 }
 
-/// Returns true if the sample at the given time is followed by a gap.
+/// True if the sample at the given time is followed by a gap.
 fn ends_at_gap(flight: &Flight, time_s: f64) -> bool {
     flight.gaps.iter().any(|gap| gap[0] <= time_s && time_s < gap[1])
 }
@@ -321,7 +338,7 @@ fn model(sample: &FlightSample, acceleration_z_m_s2: f64) -> SVector<f64, 9> {
     SVector::from([v.x, v.y, v.z, w.z, w.y, w.x, g * a.pitch_rad, -g * a.roll_rad, lift])
 }
 
-/// Returns the mean of vectors.
+/// Returns the mean of vectors, or NaN without any.
 fn mean<const N: usize>(values: impl Iterator<Item = SVector<f64, N>>) -> SVector<f64, N> {
     let (mut sum, mut n) = (SVector::zeros(), 0.0);
     for value in values {
@@ -331,10 +348,10 @@ fn mean<const N: usize>(values: impl Iterator<Item = SVector<f64, N>>) -> SVecto
     sum / n
 }
 
-/// Returns the standard deviation of each component of vectors.
+/// Returns the standard deviation of each component of vectors, or NaN without any.
 fn standard_deviation<const N: usize>(values: &[SVector<f64, N>]) -> SVector<f64, N> {
-    let middle = mean(values.iter().copied());
-    let squares = values.iter().map(|value| (value - middle).map(|x| x * x));
+    let center = mean(values.iter().copied());
+    let squares = values.iter().map(|value| (value - center).map(|x| x * x));
     mean(squares).map(f64::sqrt)
 }
 

@@ -1,5 +1,7 @@
 //! Computes the motors' thrust from logged commands, which the rotor speeds follow with a lag.
 
+use std::ops::Range;
+
 use super::runs;
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::flight::{Flight, FlightSample, Quantity};
@@ -19,16 +21,16 @@ const CLIMB: usize = 10;
 /// s. Rotor speeds follow the square root of the command with the lag, and thrust is the square of
 /// the speed.
 pub(super) fn impulses(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 4]> {
-    let wanted = roots(run);
-    let Some(mut speed) = wanted.first().copied() else { return Vec::new() };
-    Vec::from_iter(run.windows(2).zip(wanted.windows(2)).map(|(pair, roots)| {
+    let targets = target_speeds(run);
+    let Some(mut speed) = targets.first().copied() else { return Vec::new() };
+    Vec::from_iter(run.windows(2).zip(targets.windows(2)).map(|(pair, ends)| {
         let dt_s = pair[1].time_s - pair[0].time_s;
-        // During the interval, the wanted speed is taken as constant. It is that of the middle,
-        // less the mean delay of held commands.
-        let middle = (0.5 - HELD_S / dt_s).max(0.0);
+        // The target speed is taken as constant during the interval: that of the interval's
+        // midpoint, or earlier by the mean delay of held commands.
+        let fraction = (0.5 - HELD_S / dt_s).max(0.0);
         let stays = if lag_s > 0.0 { libm::exp(-dt_s / lag_s) } else { 0.0 };
         [0, 1, 2, 3].map(|motor| {
-            let target = roots[0][motor] + (roots[1][motor] - roots[0][motor]) * middle;
+            let target = ends[0][motor] + (ends[1][motor] - ends[0][motor]) * fraction;
             let behind = speed[motor] - target;
             speed[motor] = target + behind * stays;
             // The sum is ∫ (target + behind e^(−t/lag))² dt over the interval.
@@ -39,8 +41,9 @@ pub(super) fn impulses(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 4]> {
     }))
 }
 
-/// Returns the square root of each motor's command at each sample, interpolated between commands.
-fn roots(run: &[FlightSample]) -> Vec<[f64; 4]> {
+/// Returns the speed that each motor approaches at each sample: the square root of its command,
+/// interpolated linearly between changes of the commands.
+fn target_speeds(run: &[FlightSample]) -> Vec<[f64; 4]> {
     let mut line = Vec::with_capacity(run.len());
     for held in run.chunk_by(|a, b| a.motors == b.motors) {
         let (from, next) = (&held[0], run.get(line.len() + held.len()));
@@ -48,6 +51,7 @@ fn roots(run: &[FlightSample]) -> Vec<[f64; 4]> {
         let to = next.filter(|next| next.time_s - from.time_s < LONGEST_STEP_S).unwrap_or(from);
         let [first, last] =
             [from, to].map(|sample| sample.motors.map(|command| command.max(0.0).sqrt()));
+        // Without a next command, both ends are equal, and the divisor only has to be positive.
         line.extend(held.iter().map(|s| {
             let part = (s.time_s - from.time_s) / (to.time_s - from.time_s).max(1e-9);
             [0, 1, 2, 3].map(|motor| first[motor] + (last[motor] - first[motor]) * part)
@@ -67,21 +71,15 @@ pub(super) fn thrust_per_command_n(
 ) -> f64 {
     let [has_position, has_attitude] =
         [Quantity::Position, Quantity::Attitude].map(|quantity| flight.has(quantity));
-    let floor_m = flight.samples.iter().map(|s| s.position_m.z).fold(f64::INFINITY, f64::min);
-    let free =
-        (0..samples.len()).filter(|&i| !has_position || samples[i].position_m.z - floor_m > FREE_M);
-    let ends_of_free = free.clone().min().zip(free.max());
-    // If ground effect covers half of the flight, the whole flight is used.
-    let (from, to) = ends_of_free
-        .filter(|(from, to)| to - from > samples.len() / 2)
-        .unwrap_or((0, samples.len() - 1));
+    let free = free_range(flight, samples);
     let VehicleOptions { mass_kg, motor_rise_s, motor_fall_s, .. } = assumed;
     let motor_lag_s = 0.5 * (motor_rise_s + motor_fall_s);
     let (mut product, mut square) = (0.0, 0.0);
     // The sums are taken over runs of samples without a gap in free air.
     let mut start = 0;
     for run in runs(flight, samples) {
-        let inside = from.saturating_sub(start)..to.saturating_sub(start).min(run.len() - 1);
+        let [from, to] = [free.start, free.end].map(|index| index.saturating_sub(start));
+        let inside = from..to.min(run.len() - 1);
         let impulses = impulses(run, motor_lag_s);
         for index in inside.clone() {
             let dt_s = run[index + 1].time_s - run[index].time_s;
@@ -106,6 +104,21 @@ pub(super) fn thrust_per_command_n(
         start += run.len();
     }
     product / square
+}
+
+/// Returns the samples between the first and the last one without ground effect, or all of them if
+/// ground effect covers half of the flight. The last sample is excluded, because it has no next
+/// one.
+fn free_range(flight: &Flight, samples: &[FlightSample]) -> Range<usize> {
+    // Without heights, no sample is excluded.
+    let has_position = flight.has(Quantity::Position);
+    let floor_m = flight.samples.iter().map(|s| s.position_m.z).fold(f64::INFINITY, f64::min);
+    let free =
+        (0..samples.len()).filter(|&i| !has_position || samples[i].position_m.z - floor_m > FREE_M);
+    let ends = free.clone().min().zip(free.max());
+    let (from, to) =
+        ends.filter(|(from, to)| to - from > samples.len() / 2).unwrap_or((0, samples.len() - 1));
+    from..to
 }
 
 /// Returns the climb rate around the sample `index`, m/s.

@@ -81,8 +81,8 @@ fn best(costs: impl Iterator<Item = (f64, f64)>) -> f64 {
     best.expect("a grid has a point").1
 }
 
-/// Returns the argument in s at which a function is least, between the neighbors of `best`, a point
-/// of the grid, by golden-section search (Kiefer 1953).
+/// Returns the argument in s at which a function is least, by golden-section search (Kiefer 1953)
+/// between the neighbors of the grid point `best`.
 fn refined([low, high]: [f64; 2], best: f64, mut fine: impl FnMut(f64) -> f64) -> f64 {
     // Two inner points a and b divide the interval. The part beyond the worse one is dropped, and
     // the better one becomes an inner point of the remaining interval.
