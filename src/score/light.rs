@@ -116,6 +116,15 @@ impl Light {
         Self { step, origin, width, height, values }
     }
 
+    /// Returns the picture with a measure of each pixel in place of its light.
+    pub(super) fn measured(&self, measure: impl Fn(Rgb) -> Rgb) -> Self {
+        let mut values = self.values.clone();
+        noctograph_core::dispatch!(|| {
+            values.iter_mut().for_each(|value| *value = measure(*value));
+        });
+        Self { values, ..*self }
+    }
+
     /// Averages `measure` over the light in a rectangle of the photo, in photo pixels.
     pub(super) fn mean_of(&self, frame: Frame, measure: impl Fn(Rgb) -> Rgb) -> Rgb {
         let per_px = 1.0 / self.step as f64;

@@ -64,7 +64,12 @@ impl Placed {
 
     /// Moves a point of the intended word, in m, to where it appears.
     pub(super) fn apply(&self, point_m: Point) -> Point {
-        let [a, b] = self.column();
+        self.apply_column(self.column(), point_m)
+    }
+
+    /// Works as [`Self::apply`], given [`Self::column`].
+    #[inline(always)]
+    fn apply_column(&self, [a, b]: [f64; 2], point_m: Point) -> Point {
         let Vec2 { x, y } = point_m - self.center_m;
         self.center_m + self.shift_m + Vec2::new(a * x - b * y, b * x + a * y)
     }
@@ -131,9 +136,13 @@ impl Grid {
         measure: impl Fn(Rgb) -> Rgb,
     ) -> Vec<Rgb> {
         // The lower corners of one row of pixels are reused as the upper corners of the next row.
-        let mut rows = (0..=self.height).map(|y| {
-            (0..=self.width).map(|x| self.image_point(view, placed, [x, y])).collect::<Vec<_>>()
-        });
+        let column = placed.column();
+        let corner = |x: usize, y: usize| {
+            let point_m = self.plane_from_page(Point::new(x as f64, y as f64));
+            view.image_from_plane(xy(placed.apply_column(column, point_m)))
+        };
+        let mut rows =
+            (0..=self.height).map(|y| (0..=self.width).map(|x| corner(x, y)).collect::<Vec<_>>());
         let mut values = vec![[0.0; 3]; self.width * self.height];
         let mut upper = rows.next().expect("a grid has rows");
         for (values, lower) in values.chunks_exact_mut(self.width).zip(rows) {

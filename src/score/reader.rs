@@ -228,9 +228,10 @@ impl Reader {
         // Cuts out a strip for each line, and then a wider one with the light beside it.
         let placed = self.finder.place(&bright.exposed(full_light));
         let wide: Vec<Grid> = self.lines.iter().map(around).collect();
+        let channels = Strip::channels(&light, color);
         let grids = self.lines.iter().enumerate().chain(wide.iter().enumerate());
         let strips = grids.map(|(line, grid)| {
-            let mut strip = Strip::cut(grid, &light, view, &placed, color, full_light);
+            let mut strip = Strip::cut(grid, &channels, view, &placed, full_light);
             for (glyph, glyph_line) in self.strokes.glyphs.iter().zip(&self.line_of) {
                 if *glyph_line == line && classes_of(glyph.character).is_none() {
                     strip.darken(grid, lit_bounds_m(std::slice::from_ref(glyph)));

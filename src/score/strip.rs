@@ -64,19 +64,22 @@ pub(super) struct Strip {
 }
 
 impl Strip {
-    /// Cuts out the strip from a photo's light, at a grid of [`HEIGHT`] rows. Light is relative to
-    /// the fully lit level `full_light`.
+    /// Returns the luminance and the light in the color of the strokes of each pixel.
+    pub(super) fn channels(light: &Light, ink_color: Rgb) -> Light {
+        let in_color = color::pure(ink_color);
+        light.measured(|light| [luminance(light), in_color(light), 0.0])
+    }
+
+    /// Cuts out the strip at a grid of [`HEIGHT`] rows, from the [`Self::channels`] of a photo's
+    /// light. Light is relative to the fully lit level `full_light`.
     pub(super) fn cut(
         grid: &Grid,
-        light: &Light,
+        channels: &Light,
         view: &View,
         placed: &Placed,
-        ink_color: Rgb,
         full_light: f32,
     ) -> Self {
-        let in_color = color::pure(ink_color);
-        let both =
-            grid.resample(light, view, placed, |light| [luminance(light), in_color(light), 0.0]);
+        let both = grid.resample(channels, view, placed, |light| light);
         let [bright, pure] = [0, 1].map(|channel| {
             both.iter().map(|light| (light[channel] / full_light).clamp(0.0, 1.0)).collect()
         });

@@ -176,9 +176,9 @@ impl Rig {
             self.avionics.log(&mut self.recorder, plan, time_s, &self.plant);
         }
         let motors = self.avionics.motors();
-        for _ in 0..self.steps_per_tick {
+        noctograph_core::dispatch!(|| for _ in 0..self.steps_per_tick {
             self.plant.advance(&motors);
-        }
+        });
         Ok(())
     }
 

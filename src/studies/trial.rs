@@ -11,6 +11,7 @@ use noctograph_core::digest::Digest;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::Flight;
 use noctograph_letters::Strokes;
+use noctograph_picture::expose::Detail;
 use noctograph_picture::photo::{Noise, Photo};
 use noctograph_pipeline::scene::{NamedScene, Scene};
 use noctograph_pipeline::shoot::{Judging, Recording, Shoot};
@@ -22,6 +23,11 @@ use noctograph_score::{CALIBRATION, Reader, ScoreOptions};
 /// probability differs from that at 1920 × 1080 by 0.017 on average, and by at most 0.21, which
 /// occurs for the word Illi. All scenes are compared at this resolution.
 const CAP_HEIGHT_PX: f64 = 48.0;
+
+/// Maximum distance, in pixels of the small film, of a lamp from its path, and of the path from its
+/// segments: a twentieth of a pixel of the reader's strips. With the tolerances of a full film, a
+/// shaking drone leaves a segment per sample.
+const TOLERANCE_PX: f64 = 0.1;
 
 /// A scene that is prepared for flying a word with many seeds.
 #[derive(Clone, Debug)]
@@ -62,6 +68,7 @@ impl Prepared {
             shoot.reader = Some(reader(strokes, &scene.score)?);
         }
         shrink(&mut shoot, CAP_HEIGHT_PX)?;
+        coarsen(&mut shoot);
         let digest = digest(&scene, conditions);
         Ok(Self { scene, shoot, conditions: conditions.clone(), digest, unplanned })
     }
@@ -101,9 +108,13 @@ impl Prepared {
 
     /// Returns the shoot for one seed, with drones and lamps drawn from the conditions.
     pub fn shoot(&self, seed: u64) -> Shoot {
-        let mut shoot = self.shoot.clone();
+        self.drawn(self.shoot.clone(), seed)
+    }
+
+    /// Returns a shoot of this scene with the seed, and with drones and lamps drawn for it.
+    fn drawn(&self, mut shoot: Shoot, seed: u64) -> Shoot {
         shoot.scene.seed = seed;
-        let actual = (0..).map(|drone| self.conditions.draw(&self.scene, seed, drone));
+        let actual = (0..).map(|drone| self.conditions.draw(&shoot.scene, seed, drone));
         shoot.actual = actual.take(shoot.plans.len()).collect();
         shoot
     }
@@ -147,11 +158,10 @@ impl Prepared {
     /// Takes the photo for one seed, with the strokes `cap_height_px` high, or smaller if they are
     /// smaller on the scene's film.
     pub fn photo(&self, seed: u64, cap_height_px: f64) -> Result<Photo> {
-        let mut shoot = Shoot { judging: Judging::Skipped, ..self.shoot(seed) };
-        shoot.scene.camera = self.scene.camera.clone();
-        shoot.scene.photo = self.scene.photo.clone();
+        let scene = self.scene.clone();
+        let mut shoot = Shoot { judging: Judging::Skipped, scene, ..self.shoot.clone() };
         shrink(&mut shoot, cap_height_px)?;
-        Ok(shoot.take(&|_, _| {})?.photo)
+        Ok(self.drawn(shoot, seed).take(&|_, _| {})?.photo)
     }
 }
 
@@ -163,6 +173,18 @@ pub(super) fn or_lost<T>(flown: Result<T>) -> Result<std::result::Result<T, Stri
         Err(Error::Infeasible { what, .. }) => Ok(Err(what)),
         Err(error) => Err(error),
     }
+}
+
+/// Makes lamp paths, segments and glow as exact as the reader needs on a small film. In the detail
+/// of a picture, they take longer than the reader.
+fn coarsen(shoot: &mut Shoot) {
+    let Some(glyph) = shoot.strokes.as_ref().and_then(|strokes| strokes.glyphs.first()) else {
+        return;
+    };
+    let (cap_height_m, scene) = (glyph.cell.cap_height_m, &mut shoot.scene);
+    scene.light.path_tolerance_m = TOLERANCE_PX * cap_height_m / CAP_HEIGHT_PX;
+    scene.expose.merge_tolerance_px = TOLERANCE_PX;
+    scene.expose.detail = Detail::READING;
 }
 
 /// Reduces the camera's resolution until the strokes of all lines together are at most
@@ -240,8 +262,8 @@ mod tests {
         let ready = prepared("NOOR", |_| {});
         for seed in 1..3 {
             let small = ready.outcome(seed).unwrap();
-            let shoot = Shoot { scene: Scene { seed, ..ready.scene.clone() }, ..ready.shoot(seed) };
-            let shot = shoot.take(&|_, _| {}).unwrap();
+            let shoot = Shoot { scene: ready.scene.clone(), ..ready.shoot.clone() };
+            let shot = ready.drawn(shoot, seed).take(&|_, _| {}).unwrap();
             assert_eq!((shot.photo.width_px, shot.photo.height_px), (1920, 1080), "its own");
             let full = shot.verdict.unwrap();
             assert_eq!(small.read, full.read);

@@ -51,6 +51,10 @@ settings! {
             ///
             /// The value is an assumption. Jitter is caused by repeated packets.
             radio_jitter_s: f64 = 0.01;
+            /// Maximum distance in m of a lamp from its path between two samples. The default is
+            /// 1 % of a pixel that shows one millimeter. A smaller distance would require more
+            /// samples without a visible benefit.
+            path_tolerance_m: f64 = 10e-6;
         }
     }
 

@@ -316,7 +316,12 @@ mod tests {
             duration_s: 1.0,
         };
         let mut records = Vec::new();
-        super::super::record::records(&segment, [4000, 4000], |record| records.push(record));
+        super::super::record::records(
+            &segment,
+            [4000, 4000],
+            &super::super::Detail::PICTURE,
+            |record| records.push(record),
+        );
         let mut curves = Curves::default();
         curves.draw(&records[0], 100.0);
         (curves, records[0])

@@ -19,18 +19,13 @@ use noctograph_core::parallel::prelude::*;
 
 use super::record::DITHER;
 use super::sources::{Rgb, Tree, exposures_lx_s, reflected, trees};
-use super::{ExposeOptions, FilmData, Room, texture};
+use super::{Detail, ExposeOptions, FilmData, Room, texture};
 use crate::light::LightTrace;
 use crate::narrow;
 use noctograph_core::camera::Camera;
 
 /// Side of the squares before they are quartered, in pixels.
 const SIDE_PX: u32 = 32;
-
-/// Maximum difference between the center of an undivided square and the mean of its corners:
-/// relative to the center (one 8-bit level), and relative to saturation (a fifth of the light that
-/// the camera tone maps to black).
-const EVEN: [f64; 2] = [0.02, 1e-4];
 
 /// The light of the room in a picture, divided into squares.
 #[derive(Clone, Debug, PartialEq)]
@@ -71,7 +66,8 @@ struct Floor<'a> {
     n_lamp_trees: usize,
     /// Points on the floor straight below low sources: x, y and the source's height, in pixels.
     feet_px: Vec<[f64; 3]>,
-    /// Difference of exposure that is always negligible, computed from [`EVEN`].
+    detail: Detail,
+    /// Difference of exposure that is always negligible, computed from [`Detail::even`].
     even_lx_s: f64,
 }
 
@@ -239,7 +235,7 @@ impl<'a> Floor<'a> {
     /// Prepares the sources of light of a trace, and those of the floor if there are walls.
     fn new(trace: &'a LightTrace, camera: &'a Camera, options: &ExposeOptions, room: Room) -> Self {
         let z_m = options.floor_z_m;
-        let mut trees = trees(trace, camera, z_m);
+        let mut trees = trees(trace, camera, z_m, options.detail.opening);
         // Lists the points below sources so low that their light varies within a square.
         let feet_px = trees.iter().flat_map(|tree| &tree.branches).filter_map(|branch| {
             let source_m = branch.source.position_m;
@@ -254,8 +250,9 @@ impl<'a> Floor<'a> {
             let floor = reflected(&trees, [width_m, depth_m], z_m, options.floor_albedo);
             trees.push(floor);
         }
-        let even_lx_s = EVEN[1] * camera.saturation_lx_s();
-        Self { camera, room, trees, n_lamp_trees, feet_px, even_lx_s }
+        let detail = options.detail;
+        let even_lx_s = detail.even[1] * camera.saturation_lx_s();
+        Self { camera, room, trees, n_lamp_trees, feet_px, detail, even_lx_s }
     }
 
     /// Returns the exposure of the sensor at corners of pixels that are close together. The
@@ -319,12 +316,12 @@ impl<'a> Floor<'a> {
         let (half, quarter) = (side_px / 2, side_px / 4);
         let uneven = (0..3).any(|c| {
             let mean = 0.25 * (nw[c] + ne[c] + sw[c] + se[c]);
-            (middle[c] - mean).abs() > EVEN[0] * middle[c].max(mean) + self.even_lx_s
+            (middle[c] - mean).abs() > self.detail.even[0] * middle[c].max(mean) + self.even_lx_s
         });
         // Points under a quarter of the square are also under the square.
         let feet_px = feet_px.iter().copied().filter(|foot_px| square.is_under(*foot_px));
         let feet_px: Vec<[f64; 3]> = feet_px.collect();
-        if half == 0 || (!uneven && feet_px.is_empty()) {
+        if half < self.detail.least_square_px || (!uneven && feet_px.is_empty()) {
             if square.corners_lx_s != [[0.0; 3]; 4] {
                 let on_texture = self.on_texture(&square);
                 squares.push(Square { on_texture, ..square });
@@ -364,6 +361,7 @@ mod tests {
 
     const MATTE: ExposeOptions = ExposeOptions {
         merge_tolerance_px: 0.005,
+        detail: Detail::PICTURE,
         floor_albedo: 0.5,
         floor_z_m: 0.0,
         floor_roughness: None,

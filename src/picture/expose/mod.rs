@@ -29,6 +29,7 @@
 
 mod cpu;
 mod curves;
+mod detail;
 mod film;
 mod floor;
 #[cfg_attr(not(feature = "gpu"), path = "no_gpu.rs")]
@@ -61,6 +62,7 @@ use noctograph_core::settings::{Described, settings};
 use record::Record;
 use tile::ALL;
 
+pub use detail::Detail;
 pub use film::{Film, FilmData};
 pub use floor::Reflectance;
 pub use growing::GrowingFilm;
@@ -147,6 +149,8 @@ settings! {
             /// and has the smallest error, 0.005 has an error of up to 1e-3 of the peak, and larger
             /// values are faster and coarser.
             merge_tolerance_px: f64 = 0.005;
+            /// Accuracy of moving spots, and of the glow of floor and walls.
+            detail: Detail = Detail::PICTURE;
             /// Height of the floor relative to the position of a standing drone.
             ///
             /// A Crazyflie's position is that of its board, 2 cm above the floor (assumed from feet
@@ -188,7 +192,7 @@ pub fn expose(
 pub fn project(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result<Latent> {
     check(trace, camera, options)?;
     let size_px = [camera.width_px, camera.height_px];
-    let tints = tints(trace, camera, options.merge_tolerance_px)?;
+    let tints = tints(trace, camera, options)?;
 
     let glow = Glow::new(trace, camera, options);
     let glow_lx_s = glow.as_ref().map_or(0.0, |glow| glow.peak_lx_s);
@@ -405,7 +409,7 @@ fn check(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result
 
 /// Returns the records of all lamps, grouped by color. Returns [`Error::Input`] above
 /// [`MAX_SAMPLES`] segments.
-fn tints(trace: &LightTrace, camera: &Camera, merge_tolerance_px: f64) -> Result<Vec<Tint>> {
+fn tints(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result<Vec<Tint>> {
     let mut tints: Vec<Tint> = Vec::new();
     let (mut segments, mut n) = (Vec::new(), 0);
     for lamp in &trace.lamps {
@@ -425,9 +429,10 @@ fn tints(trace: &LightTrace, camera: &Camera, merge_tolerance_px: f64) -> Result
         // Merges each lamp's path into segments, and converts these to records.
         segments.clear();
         let intervals = project::intervals(lamp, camera);
-        merge::merge(intervals, brightest, merge_tolerance_px, &mut segments);
+        merge::merge(intervals, brightest, options.merge_tolerance_px, &mut segments);
+        let size_px = [camera.width_px, camera.height_px];
         for segment in &segments {
-            record::records(segment, [camera.width_px, camera.height_px], |record| {
+            record::records(segment, size_px, &options.detail, |record| {
                 tints[index].records.push(record);
                 n += 1;
             });

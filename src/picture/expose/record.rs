@@ -8,6 +8,7 @@
 
 use std::ops::Range;
 
+use super::Detail;
 use super::merge::Segment;
 use super::project::Px;
 use crate::narrow;
@@ -24,13 +25,9 @@ const REACH_SIGMA: f64 = 5.0;
 const PEAK_MARGINS: [f64; 2] = [1.0 + 1.0 / 32.0, 1.0 + 1.0 / 1024.0];
 const NARROW_SIGMA_PX: f64 = 0.85;
 
-/// Maximum length, in σ, of a segment that 1, 2, 3 and 4 spots, respectively, represent to within
-/// 6e-6 of its peak, by the error term of n-point quadrature with the derivative of order 2n at the
-/// Gaussian's center. Longer segments are split.
-const LONGEST_SIGMA: [f64; SPOTS] = [0.011, 0.3, 0.95, 1.8];
-
-/// Multiple of [`LONGEST_SIGMA`] for a rectangle wider and higher than 2 σ, which is drawn to
-/// within 4e-5 of its peak, by the same error term with the derivative of order 2n - 1 at its edge.
+/// Multiple of [`Detail::longest_sigma`] for a rectangle wider and higher than 2 σ. In a picture,
+/// it is drawn to within 4e-5 of its peak, by the error term with the derivative of order 2n - 1 at
+/// its edge.
 const LONGER_FLAT: f64 = 1.6;
 
 /// Nodes from -1 to 1 and weights for 1, 2, 3 and 4 spots (Gauss and Legendre: Abramowitz and
@@ -128,11 +125,16 @@ impl Record {
 
 /// Calls `each` with the records of the part of a segment that reaches the picture. A long part is
 /// split into several records.
-pub(super) fn records(segment: &Segment, size_px: [u32; 2], mut each: impl FnMut(Record)) {
+pub(super) fn records(
+    segment: &Segment,
+    size_px: [u32; 2],
+    detail: &Detail,
+    mut each: impl FnMut(Record),
+) {
     let Some([from, to]) = visible(segment, size_px) else { return };
     // The pieces have equal lengths, each short enough for the quadrature with the most nodes.
     let length_sigma = length_sigma(segment);
-    let n = ((to - from) * length_sigma / LONGEST_SIGMA[SPOTS - 1]).ceil().max(1.0);
+    let n = ((to - from) * length_sigma / detail.longest_sigma[SPOTS - 1]).ceil().max(1.0);
     let mut dither = dither(segment.start_s);
     let mut k = 0.0;
     while k < n {
@@ -141,7 +143,7 @@ pub(super) fn records(segment: &Segment, size_px: [u32; 2], mut each: impl FnMut
         } else {
             segment.part([k, k + 1.0].map(|k| from + (to - from) * k / n))
         };
-        if let Some(record) = record(&piece, dither, size_px) {
+        if let Some(record) = record(&piece, dither, size_px, detail) {
             each(record);
         }
         dither = dither.wrapping_add(DITHER[0]);
@@ -149,7 +151,7 @@ pub(super) fn records(segment: &Segment, size_px: [u32; 2], mut each: impl FnMut
     }
 }
 
-/// Returns the length of a segment in σ, for comparison with [`LONGEST_SIGMA`].
+/// Returns the length of a segment in σ, for comparison with [`Detail::longest_sigma`].
 fn length_sigma(segment: &Segment) -> f64 {
     let is_flat = segment.half_px.min_element() > segment.sigma_px;
     segment.length_px() / segment.sigma_px / if is_flat { LONGER_FLAT } else { 1.0 }
@@ -184,7 +186,7 @@ fn reach_px(segment: &Segment) -> Px {
 }
 
 /// Returns the record of a short segment, or `None` if its box is outside the picture.
-fn record(segment: &Segment, dither: u32, size_px: [u32; 2]) -> Option<Record> {
+fn record(segment: &Segment, dither: u32, size_px: [u32; 2], detail: &Detail) -> Option<Record> {
     // The box contains the pixels whose centers (at +0.5) are reached by light.
     let [start, end] = segment.ends_px;
     let sigma = segment.sigma_px;
@@ -197,7 +199,7 @@ fn record(segment: &Segment, dither: u32, size_px: [u32; 2]) -> Option<Record> {
     }
     // Selects the quadrature with the fewest nodes that is accurate for this length.
     let length_sigma = length_sigma(segment);
-    let enough = LONGEST_SIGMA.iter().position(|longest| length_sigma <= *longest);
+    let enough = detail.longest_sigma.iter().position(|longest| length_sigma <= *longest);
     let rule = RULES[enough.unwrap_or(SPOTS - 1)];
     let mut record = Record {
         x_px: [0.0; SPOTS],

@@ -179,6 +179,7 @@ mod tests {
 
     const ROOM: ExposeOptions = ExposeOptions {
         merge_tolerance_px: 0.005,
+        detail: crate::expose::Detail::PICTURE,
         floor_albedo: 0.2,
         floor_z_m: 0.0,
         floor_roughness: Some(0.3),

@@ -8,6 +8,7 @@ use std::sync::LazyLock;
 
 use nalgebra::Vector3;
 
+use super::Detail;
 use super::room::Surface;
 use crate::light::{Emitter, LightSample, LightTrace};
 use crate::whole;
@@ -17,12 +18,9 @@ use noctograph_core::camera::Camera;
 /// heights may be off by centimeters, but no lamp can shine from below the floor.
 const LOWEST_M: f64 = 0.002;
 
-/// Maximum ratio of a branch's radius to its distance. At 0.3 an evenly filled branch errs by 4 %
-/// straight below it, and by less elsewhere.
-const OPENING: f64 = 0.3;
-
-/// Maximum step between two sources along a lamp's path, relative to the lamp's height.
-const STEP: f64 = 0.25 * OPENING;
+/// Maximum step between two sources along a lamp's path, relative to the lamp's height and to
+/// [`Detail::opening`].
+const STEP: f64 = 0.25;
 
 pub(super) type Rgb = [f64; 3];
 
@@ -30,6 +28,8 @@ pub(super) type Rgb = [f64; 3];
 pub(super) struct Tree<'a> {
     pub(super) emitter: &'a Emitter,
     pub(super) branches: Vec<Branch>,
+    /// Maximum ratio of a branch's radius to its distance ([`Detail::opening`]).
+    opening: f64,
 }
 
 /// A branch of a tree, which is followed by its children.
@@ -52,14 +52,19 @@ pub(super) struct Source {
 }
 
 /// Returns the light of a trace while the shutter is open: one tree per beam shape and axis.
-pub(super) fn trees<'a>(trace: &'a LightTrace, camera: &Camera, floor_z_m: f64) -> Vec<Tree<'a>> {
+pub(super) fn trees<'a>(
+    trace: &'a LightTrace,
+    camera: &Camera,
+    floor_z_m: f64,
+    opening: f64,
+) -> Vec<Tree<'a>> {
     // Groups the sources of each emitter by beam shape and axis.
     let mut groups: Vec<(&Emitter, [f64; 6], Vec<Source>)> = Vec::new();
     for lamp in &trace.lamps {
         let emitter = &lamp.emitter;
         let light_cd = emitter.rgb.map(|channel| channel * emitter.intensity_cd);
-        for LightSample { position_m, axis, level, .. } in points(&lamp.samples, camera, floor_z_m)
-        {
+        let points = points(&lamp.samples, camera, floor_z_m, STEP * opening);
+        for LightSample { position_m, axis, level, .. } in points {
             let source = Source { position_m, axis, light_cd_s: light_cd.map(|cd| cd * level) };
             // Axes are grouped by coordinates, rounded to halves. An isotropic lamp has no axis.
             let scale = if emitter.is_isotropic() { 0.0 } else { 2.0 };
@@ -74,14 +79,14 @@ pub(super) fn trees<'a>(trace: &'a LightTrace, camera: &Camera, floor_z_m: f64) 
     }
     Vec::from_iter(groups.into_iter().map(|(emitter, _, sources)| {
         let mut branches = Vec::new();
-        grow(sources, floor_z_m, &mut branches);
-        Tree { emitter, branches }
+        grow(sources, floor_z_m, opening, &mut branches);
+        Tree { emitter, branches, opening }
     }))
 }
 
-/// Divides a lamp's path into points between which the lamp moves little relative to its height.
-/// The level of each point is multiplied by its duration in s.
-fn points(samples: &[LightSample], camera: &Camera, floor_z_m: f64) -> Vec<LightSample> {
+/// Divides a lamp's path into points between which the lamp moves by `step` times its height at
+/// most. The level of each point is multiplied by its duration in s.
+fn points(samples: &[LightSample], camera: &Camera, floor_z_m: f64, step: f64) -> Vec<LightSample> {
     let mut points: Vec<LightSample> = Vec::new();
     let mut start_m: Option<Vector3<f64>> = None;
     for pair in samples.windows(2) {
@@ -93,7 +98,7 @@ fn points(samples: &[LightSample], camera: &Camera, floor_z_m: f64) -> Vec<Light
             continue;
         }
         let height_m = (a.position_m.z.min(b.position_m.z) - floor_z_m).max(LOWEST_M);
-        let step_m = STEP * height_m;
+        let step_m = step * height_m;
         let length_m = (b.position_m - a.position_m).norm();
         #[expect(clippy::cast_possible_truncation, reason = "1 to 1000")]
         let n = (length_m / step_m).ceil().clamp(1.0, 1000.0) as u32;
@@ -122,7 +127,7 @@ fn points(samples: &[LightSample], camera: &Camera, floor_z_m: f64) -> Vec<Light
 
 /// Appends the branch that contains all `sources`, followed by its children, which have less
 /// extent.
-fn grow(sources: Vec<Source>, floor_z_m: f64, branches: &mut Vec<Branch>) {
+fn grow(sources: Vec<Source>, floor_z_m: f64, opening: f64, branches: &mut Vec<Branch>) {
     let Some(first) = sources.first() else { return };
     // The branch's combined source has the sum of the light, at the light-weighted mean position.
     let (mut low, mut high) = (first.position_m, first.position_m);
@@ -143,14 +148,14 @@ fn grow(sources: Vec<Source>, floor_z_m: f64, branches: &mut Vec<Branch>) {
     let radius_m = 0.5 * size.norm();
     branches.push(Branch { source: sum, radius_m, next: 0 });
     // A branch that is large relative to its height above floor is halved along its longest side.
-    if radius_m > OPENING * (low.z - floor_z_m) {
+    if radius_m > opening * (low.z - floor_z_m) {
         let axis = size.imax();
         let middle = low[axis] + 0.5 * size[axis];
         let halves: (Vec<_>, Vec<_>) =
             sources.into_iter().partition(|source| source.position_m[axis] < middle);
         if !halves.0.is_empty() && !halves.1.is_empty() {
-            grow(halves.0, floor_z_m, branches);
-            grow(halves.1, floor_z_m, branches);
+            grow(halves.0, floor_z_m, opening, branches);
+            grow(halves.1, floor_z_m, opening, branches);
         }
     }
     branches[index].next = branches.len();
@@ -201,9 +206,9 @@ pub(super) fn reflected(
             light_cd_s: exposure_lx_s.map(|channel| channel * factor),
         }
     });
-    let mut branches = Vec::new();
-    grow(sources.collect(), floor_z_m, &mut branches);
-    Tree { emitter: &PATCH, branches }
+    let (opening, mut branches) = (Detail::PICTURE.opening, Vec::new());
+    grow(sources.collect(), floor_z_m, opening, &mut branches);
+    Tree { emitter: &PATCH, branches, opening }
 }
 
 /// Returns the exposure in lx s at points of a surface. On a surface with sheen, light is weighted
@@ -219,10 +224,11 @@ pub(super) fn exposures_lx_s<const N: usize>(
     toward: [Vector3<f64>; N],
 ) -> [Rgb; N] {
     let points_m: [[f64; N]; 3] = std::array::from_fn(|axis| points_m.map(|point| point[axis]));
-    // A shiny surface resolves lamps that a matte one blurs, so their branches are opened sooner.
-    let opening = surface.roughness.map_or(OPENING, |roughness| OPENING.min(0.5 * roughness));
     let mut sums = [[0.0; N]; 3];
-    for Tree { emitter, branches } in trees {
+    for Tree { emitter, branches, opening } in trees {
+        // A shiny surface resolves lamps that a matte one blurs, so their branches are opened
+        // sooner.
+        let opening = surface.roughness.map_or(*opening, |roughness| opening.min(0.5 * roughness));
         // Computes the intensity at the edge of the body's shadow, where the light ends abruptly.
         let edge = if emitter.visible_cos <= -1.0 {
             0.0
@@ -354,7 +360,7 @@ mod tests {
             (lamp.emitter.isotropic_fraction, lamp.emitter.visible_cos) = (0.05, -0.5);
             lamp.samples = samples.collect();
         });
-        let trees = trees(&trace, &looking_down(), 0.0);
+        let trees = trees(&trace, &looking_down(), 0.0, Detail::PICTURE.opening);
         let lit = |mm: i32| seen(&trees, Vector3::new(f64::from(mm) * 0.001, 2.0, 0.0))[1];
         let most = (-500..0).map(lit).fold(0.0, f64::max);
         let steps = (-500..0).map(|mm| (lit(mm + 1) - lit(mm)).abs());
@@ -379,7 +385,7 @@ mod tests {
             }
         });
         trace.edit(|trace| trace.lamps[0].samples = samples.collect());
-        let trees = trees(&trace, &looking_down(), 0.0);
+        let trees = trees(&trace, &looking_down(), 0.0, Detail::PICTURE.opening);
         let n = trees.iter().map(|tree| tree.branches.len()).sum::<usize>();
         assert!(n < 1000, "{n} branches");
         for x in -10..=10 {

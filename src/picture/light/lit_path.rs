@@ -19,11 +19,7 @@ pub(super) struct Pose {
     world_from_body: Matrix3<f64>,
 }
 
-/// Maximum distance of a lamp from its path between two samples: 1 % of a pixel that shows one
-/// millimeter. A smaller distance would require more samples without a visible benefit.
-pub(super) const FINE_M: f64 = 10e-6;
-
-/// Maximum distance from its path of a lamp that cycles through colors, such as a spinner's LED.
+/// Minimum tolerance of the path of a lamp that cycles through colors, such as a spinner's LED.
 pub(super) const COARSE_M: f64 = 60e-6;
 
 /// Lever arm of a lamp on the body: the sum of its distances from the center along the three axes.

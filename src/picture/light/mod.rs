@@ -270,12 +270,14 @@ pub fn light(flight: &Flight, options: &LightOptions, seed: u64, drone: u64) -> 
     let programs = Programs::new(flight, options, seed, drone);
     let samples = gaps::stretches(flight);
     // A row of several colors has many short runs, so a coarser path suffices.
-    let fine = LazyCell::new(|| lit_path::stretches(&samples, lit_path::FINE_M));
+    let fine_m = options.path_tolerance_m;
+    let fine = LazyCell::new(|| lit_path::stretches(&samples, fine_m));
     let coarse = LazyCell::new(|| lit_path::stretches(&samples, lit_path::COARSE_M));
     let mut trace = LightTraceData::default();
     for fixture in &fixtures {
         let sources = sources(fixture, &programs.changes(fixture));
-        let stretches = if sources.len() > 1 { &*coarse } else { &*fine };
+        let is_coarse = sources.len() > 1 && fine_m < lit_path::COARSE_M;
+        let stretches = if is_coarse { &*coarse } else { &*fine };
         for (emitter, changes) in sources {
             let samples = lit_path::shine(stretches, fixture, &changes);
             if !samples.is_empty() {

@@ -54,7 +54,7 @@ pub fn track_letters(flight: &Flight) -> Result<BTreeMap<usize, Tracking>> {
     }
     let measured = letters
         .into_iter()
-        .map(|(letter, samples)| (letter, measure(flight, Part::Letters, &samples, &design)));
+        .map(|(letter, samples)| (letter, measure(flight, Part::Letters, &samples, &design, 1)));
     Ok(measured.collect())
 }
 

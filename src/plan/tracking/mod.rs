@@ -143,12 +143,28 @@ impl Tracking {
 ///
 /// Returns [`Error::Input`] if the flight has no sample in that part, or no design.
 pub fn track(flight: &Flight, part: Part) -> Result<Tracking> {
+    track_sparsely(flight, part, 1)
+}
+
+/// Works as [`track`], with the contour error of every `stride`-th sample only, which takes less
+/// time.
+///
+/// # Errors
+///
+/// Returns the errors of [`track`].
+pub fn track_sparsely(flight: &Flight, part: Part, stride: usize) -> Result<Tracking> {
     let (samples, design) = designed(flight, part)?;
-    Ok(measure(flight, part, &samples, &design))
+    Ok(measure(flight, part, &samples, &design, stride))
 }
 
 /// Measures the samples of a part of a flight, at least one of which must exist.
-fn measure(flight: &Flight, part: Part, samples: &[FlightSample], design: &DesignPath) -> Tracking {
+fn measure(
+    flight: &Flight,
+    part: Part,
+    samples: &[FlightSample],
+    design: &DesignPath,
+    stride: usize,
+) -> Tracking {
     let (lag_s, rmse_after_lag_m) = after_lag(samples, design);
     let errors = || samples.iter().map(|sample| sample.position_m - sample.design_m);
     Tracking {
@@ -159,7 +175,7 @@ fn measure(flight: &Flight, part: Part, samples: &[FlightSample], design: &Desig
         mean_error_m: mean(errors()),
         lag_s,
         rmse_after_lag_m,
-        contour: contour(samples, design, lag_s),
+        contour: contour(samples.iter().step_by(stride), design, lag_s),
         observer_rmse_m: flight
             .has(Quantity::Estimate)
             .then(|| rms(samples.iter().map(|sample| sample.estimate_m - sample.position_m))),
@@ -201,9 +217,13 @@ pub(crate) fn no_design() -> Error {
 
 /// Returns statistics in m of the distances from the samples to the design's path around their
 /// lag-shifted times.
-fn contour(samples: &[FlightSample], design: &DesignPath, lag_s: f64) -> ContourError {
+fn contour<'a>(
+    samples: impl Iterator<Item = &'a FlightSample>,
+    design: &DesignPath,
+    lag_s: f64,
+) -> ContourError {
     let mut walk = design.walk();
-    let mut distances_m = Vec::from_iter(samples.iter().map(|sample| {
+    let mut distances_m = Vec::from_iter(samples.map(|sample| {
         let due_s = sample.time_s - lag_s;
         let around_s = [due_s - CONTOUR_WINDOW_S, due_s + CONTOUR_WINDOW_S];
         walk.distance_m(sample.position_m, around_s)

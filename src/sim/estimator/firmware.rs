@@ -18,8 +18,6 @@
 //! deck, the reset of a state beyond 100 m or 10 m/s, and the initial σ of 100 m, which decreases
 //! while a drone waits on the floor.
 
-use std::array::from_fn;
-
 use nalgebra::{Matrix3, Vector3};
 
 use super::Estimator;
@@ -262,7 +260,8 @@ impl Firmware {
     /// Corrects the state with a scalar measurement. `value` is the measured minus the expected
     /// value, in m or rad, and `variance` is its variance in the square of that unit.
     fn correct(&mut self, jacobian: &[Part], value: f64, variance: f64) {
-        self.normal.correct(&Measurement { jacobian, value, variance }, |_| true);
+        let measurement = Measurement { jacobian, value, variance };
+        noctograph_core::dispatch!(|| self.normal.correct(&measurement, |_| true));
         let [position_m, velocity_m_s, turn_rad] = self.normal.take_errors(0);
         self.position_m += position_m;
         self.velocity_m_s += velocity_m_s;
@@ -289,7 +288,10 @@ impl Firmware {
         noctograph_core::dispatch!(|| {
             // The columns of a symmetric matrix equal its rows, so Φ (Φ P)ᵀ = Φ P Φᵀ.
             let next = multiplied(&multiplied(p, drift, turn), drift, turn);
-            *p = from_fn(|i| from_fn(|j| (next[i][j] + next[j][i]) * 0.5));
+            for (p, (row, column)) in p.iter_mut().zip(next.iter().zip(&transposed(&next))) {
+                let pairs = p.iter_mut().zip(row.iter().zip(column));
+                pairs.for_each(|(p, (a, b))| *p = (a + b) * 0.5);
+            }
         });
     }
 
@@ -382,7 +384,19 @@ fn multiplied(p: &[[f64; 9]; 9], drift: Option<&Drift>, turn: &Matrix3<f64>) -> 
         add(VELOCITY, &velocity[1], TURN);
     }
     add(TURN, turn, TURN);
-    from_fn(|j| from_fn(|i| product[i][j]))
+    transposed(&product)
+}
+
+/// Returns the transpose of a matrix.
+#[inline(always)]
+fn transposed(rows: &[[f64; 9]; 9]) -> [[f64; 9]; 9] {
+    let mut columns = [[0.0; 9]; 9];
+    for (i, row) in rows.iter().enumerate() {
+        for (column, value) in columns.iter_mut().zip(row) {
+            column[i] = *value;
+        }
+    }
+    columns
 }
 
 /// Returns the matrix that rotates an attitude error together with its frame, `1 − [d]× + [d]×²/2`
