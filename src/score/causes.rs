@@ -222,8 +222,8 @@ fn gap_times(causes: &[&Cause]) -> String {
     let mut gap_times: Vec<[f64; 2]> = causes.iter().filter_map(|cause| cause.log_gap_s).collect();
     sort_by_number(&mut gap_times, |[from, _]| *from);
     gap_times.dedup();
-    let gap_times = gap_times.iter().map(|[from, to]| format!("{from:.2} to {to:.2} s"));
-    gap_times.collect::<Vec<_>>().join(", ")
+    let texts = gap_times.iter().map(|[from, to]| format!("{from:.2} to {to:.2} s"));
+    texts.collect::<Vec<_>>().join(", ")
 }
 
 /// Lists the letters of the causes as text, each with its position in the word from 1, without

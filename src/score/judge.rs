@@ -117,8 +117,8 @@ impl Expected {
         let characters = strokes.glyphs.iter().map(|glyph| glyph.character).enumerate();
         let judged = characters.filter_map(|(index, c)| Some((index, (c, classes_of(c)?))));
         let (indices, (characters, classes)): (Vec<usize>, (_, _)) = judged.unzip();
-        let ends = strokes.lines().into_iter().map(|line| line.end);
-        let ends = ends.map(|end| indices.iter().filter(|index| **index < end).count());
+        let glyph_ends = strokes.lines().into_iter().map(|line| line.end);
+        let ends = glyph_ends.map(|end| indices.iter().filter(|index| **index < end).count());
         let mut line_ends: Vec<usize> = [0].into_iter().chain(ends).collect();
         line_ends.dedup();
         let ln_p_of_spelling = spelling::mean_ln_p(&strokes.word);
@@ -292,15 +292,16 @@ impl Expected {
         let ln_p = columns.ln_p(&self.classes);
         let names = self.names();
         // Unexplained light beside a word does not turn it into another word.
-        let texts = search(columns, &names, &names).into_iter();
-        let texts = texts.map(|(text, _)| text.trim_matches('?').to_owned());
+        let readings = search(columns, &names, &names).into_iter();
+        let texts = readings.map(|(text, _)| text.trim_matches('?').to_owned());
         let others = texts.filter(|text| !text.is_empty() && !self.is_spelled(text, &word));
         for text in others.take(N_FREE) {
             let ln_odds = columns.ln_p(&text.chars().map(seen_as).collect::<Vec<_>>()) - ln_p;
             let last = self.characters.len() - 1;
-            let named = text.chars().enumerate();
-            let named = named.map(|(index, c)| with_case_of(c, self.characters[index.min(last)]));
-            odds.push(Odds::new(named.collect(), ln_odds));
+            let characters = text.chars().enumerate();
+            let cased =
+                characters.map(|(index, c)| with_case_of(c, self.characters[index.min(last)]));
+            odds.push(Odds::new(cased.collect(), ln_odds));
         }
         Odds::likeliest(odds.into_iter().filter(|rival| !rival.ln_odds.is_nan()))
     }

@@ -125,7 +125,8 @@ impl Light {
         Self { values, ..*self }
     }
 
-    /// Averages `measure` over the light in a rectangle of the photo, in photo pixels.
+    /// Averages `measure` over the light in a rectangle of the photo, in photo pixels. Parts
+    /// outside the photo count as 0, and so does an empty rectangle.
     pub(super) fn mean_of(&self, frame: Frame, measure: impl Fn(Rgb) -> Rgb) -> Rgb {
         let per_px = 1.0 / self.step as f64;
         let [left, top] = self.origin.map(|origin| origin as f64);
@@ -293,7 +294,6 @@ fn sky_around(means: &[f32], [width, height]: [usize; 2]) -> Vec<f32> {
     in_order.iter().enumerate().for_each(|(rank, block)| ranks[*block] = rank);
     let mut sky = Vec::with_capacity(means.len());
     for y in 0..height {
-        // At each step a column of blocks enters the window, and one leaves it.
         let rows = near(y, height);
         let mut window = Window::new(means.len());
         let column = |x: usize| rows.clone().map(move |row| row * width + x);

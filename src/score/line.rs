@@ -42,7 +42,7 @@ const SLACK_H: f64 = 0.25;
 /// Minimum fraction of a line's height at which a part in the ink's color is the whole letter.
 const WHOLE_LETTER: f64 = 0.7;
 
-/// Minimum height of a single letter, in stroke widths. A mere horizontal bar is lower.
+/// Minimum height of a single letter, in stroke widths. A horizontal bar without a letter is lower.
 const BAR: f64 = 3.0;
 
 /// Maximum number of lines that are read in a photo, and of bands of rows that are searched for

@@ -165,8 +165,9 @@ fn layers(mut bytes: &[u8]) -> Vec<Layer> {
 }
 
 impl Layer {
-    /// Returns the scaled sums, row by row. Columns outside the map count as zeros. So do rows,
-    /// unless the kernel is as high as the map.
+    /// Returns the scaled sums, row by row. Columns outside the map count as zeros. A kernel as
+    /// high as the map yields one row of sums. For other kernels, rows outside the map also count
+    /// as zeros.
     fn sums(&self, map: &Map) -> Vec<i32> {
         let [kh, kw] = self.kernel;
         let [ci, co] = self.channels;

@@ -233,8 +233,8 @@ impl LetterPage {
     pub(super) fn overlaps_page(&self, cell: &Cell) -> bool {
         let Cell { left_m, baseline_m, width_m, cap_height_m } = *cell;
         let lower_left = self.grid.page_from_plane(Point::new(left_m, baseline_m));
-        let upper_right = Point::new(left_m + width_m, baseline_m + cap_height_m);
-        let upper_right = self.grid.page_from_plane(upper_right);
+        let corner_m = Point::new(left_m + width_m, baseline_m + cap_height_m);
+        let upper_right = self.grid.page_from_plane(corner_m);
         upper_right.x > 0.0
             && lower_left.x < self.grid.width as f64
             && lower_left.y > 0.0

@@ -29,8 +29,8 @@ impl Raster {
         Self { values: values.collect(), ..*self }
     }
 
-    /// Returns the sum of the light in each square of a grid whose corner is `left`, `top` and
-    /// whose squares have a side of `side` pixels.
+    /// Returns the sum of the light in each square of a grid. Its upper left corner is at `left`
+    /// and `top`, and its squares have a side of `side` pixels.
     pub(super) fn sums(
         &self,
         [left, top]: [f64; 2],

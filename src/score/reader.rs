@@ -185,13 +185,13 @@ impl Reader {
         let n_letters = reading.letters.len();
         let is_spelled = n_letters >= MANY_LETTERS && spells(&reading.text, &self.strokes.word);
         let most = if is_spelled { f64::INFINITY } else { CONTRADICTION };
-        let judgment = judgments.reduce(|place, line| {
+        let better = judgments.reduce(|place, line| {
             let [odds, blind_odds] =
                 [&place, &line].map(|one| one.readability / (1.0 - one.readability));
             if (1.0..most).contains(&(blind_odds / odds)) { line } else { place }
         });
-        let judgment = judgment.expect("letters beside the word were read");
-        let judgment = judgment.against(self.expected.at_ends(&seen.around));
+        let chosen = better.expect("letters beside the word were read");
+        let judgment = chosen.against(self.expected.at_ends(&seen.around));
         Ok((self.verdict(judgment, &seen, cap_height_px, &reading), Some(seen)))
     }
 
@@ -322,8 +322,8 @@ impl Reader {
             // A word whose letters are all read as expected needs no spelling model.
             let is_read =
                 in_word.iter().zip(&expected).all(|(choice, c)| choice.best(*c).0 == Some(*c));
-            let letters = if is_read { expected } else { likeliest(in_word, &expected) };
-            let mut letters = letters.into_iter();
+            let best = if is_read { expected } else { likeliest(in_word, &expected) };
+            let mut letters = best.into_iter();
             read.extend(
                 word.chars().map(|c| classes_of(c).and_then(|_| letters.next()).unwrap_or(c)),
             );

@@ -153,8 +153,8 @@ pub fn read(photo: &Photo) -> Reading {
         let top = lines.iter().map(|line| line.ln_p).fold(f64::NEG_INFINITY, f64::max);
         lines.retain(|line| line.ln_p >= top || line.letters.len() > 1 && is_clear(&line.letters));
     }
-    // If the photo has much larger writing, these lines are only a credit, and so are rows that are
-    // too low.
+    // If the photo has much larger writing, the lines read so far are only its caption. Rows that
+    // are too low for a line are captions as well.
     let small = best_lines.iter().map(|line| line.letter_px).fold(LEAST_PX as f64, f64::max);
     let larger = inks.iter().filter_map(|ink| ink.larger(small));
     let larger = clearest(larger, &mut budget, |line| line.letters.len() > 1 && line.ln_p > SURE);
@@ -226,9 +226,9 @@ fn read_line(line: &Line, sizes_px: Vec<f64>) -> Option<ReadLine> {
     for middle in &mut middles_px {
         *middle = left_px + (*middle + 0.5) * net::COLUMN_PX as f64 * pitch_px;
     }
-    let letters = likeliest(&choices, &seen).into_iter().zip(line.boxes(&middles_px));
-    let letters = letters.zip(choices.iter().zip(&seen));
-    let letters = letters.map(|((letter, box_px), (choice, seen))| {
+    let boxed = likeliest(&choices, &seen).into_iter().zip(line.boxes(&middles_px));
+    let chosen = boxed.zip(choices.iter().zip(&seen));
+    let letters = chosen.map(|((letter, box_px), (choice, seen))| {
         let other = choice.others.iter().find(|(other, _)| with_case_of(*other, *seen) == letter);
         let p = if letter == *seen { choice.p } else { other.map_or(0.0, |(_, p)| *p) };
         ReadLetter { letter, p, box_px }

@@ -35,14 +35,16 @@ struct Table {
 }
 
 impl Table {
-    /// Computes the probabilities of symbols, including `?` for light that no letter explains.
+    /// Computes the probabilities of symbols, including `?` for light that no letter explains, and
+    /// lists the likely symbols of each column.
     fn new(columns: &Columns, symbols: &Symbols) -> Self {
-        let symbols = symbols.iter().copied().chain([('?', NO_LETTER)]);
+        let extended = symbols.iter().copied().chain([('?', NO_LETTER)]);
         let (names, probabilities): (_, Vec<Vec<f64>>) =
-            symbols.map(|(name, set)| (name, columns.of_set(set))).unzip();
+            extended.map(|(name, set)| (name, columns.of_set(set))).unzip();
+        // Less probable symbols are never tried, which keeps the search short.
         let likely = (0..columns.0.len()).map(|column| {
-            let symbols = 0..probabilities.len();
-            symbols.filter(|symbol| probabilities[*symbol][column] > LEAST_STEP).collect()
+            let indices = 0..probabilities.len();
+            indices.filter(|index| probabilities[*index][column] > LEAST_STEP).collect()
         });
         Self { names, likely: likely.collect(), probabilities }
     }

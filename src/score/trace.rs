@@ -128,8 +128,8 @@ fn thinned(mut ink: Vec<bool>, width: usize) -> Vec<bool> {
 fn is_removable(ink: &[bool], width: usize, pixel: usize, pass: usize) -> bool {
     // The ring consists of the eight neighbors, clockwise from the one above the pixel.
     let (up, down) = (pixel - width, pixel + width);
-    let ring = [up, up + 1, pixel + 1, down + 1, down, down - 1, pixel - 1, up - 1];
-    let ring = ring.map(|beside| ink[beside]);
+    let neighbors = [up, up + 1, pixel + 1, down + 1, down, down - 1, pixel - 1, up - 1];
+    let ring = neighbors.map(|neighbor| ink[neighbor]);
     let n_ink = ring.iter().filter(|ink| **ink).count();
     // Removal keeps lines connected if the ring has a single step from dark to ink.
     let n_starts = (0..8).filter(|i| !ring[*i] && ring[(i + 1) % 8]).count();

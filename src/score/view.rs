@@ -143,6 +143,7 @@ impl Homography {
         corners_px: [[f64; 2]; 4],
         [width_px, height_px]: [u32; 2],
     ) -> Result<Self> {
+        // A corner whose cross product is below 1 px² counts as straight.
         let is_convex = (0..4).all(|first| {
             let [a, b, c] = [0, 1, 2].map(|step| corners_px[(first + step) % 4]);
             (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0]) > 1.0

@@ -107,8 +107,8 @@ pub fn fly_watched(
     Ok(rigs.into_iter().map(Rig::finish).collect())
 }
 
-/// Checks options and plans, and creates the drones of a fleet at rest at their starts. The fleet
-/// must not be empty. Returns the errors of [`fly_fleet`].
+/// Checks options and plans, and creates the drones of a fleet at rest at their starts. Returns the
+/// errors of [`fly_fleet`]. Panics if the fleet is empty, or if its drones differ in rates or seed.
 pub(super) fn rigs(fleet: &[(&Plan, Drone<'_>)]) -> Result<Vec<Rig>> {
     // All drones have the same clock and seed.
     let first = &fleet[0].1;

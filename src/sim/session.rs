@@ -81,8 +81,8 @@ impl Session {
         self.rig.avionics.design(&self.plan, self.time_s()).position_m.into()
     }
 
-    /// Commands the motors m1…m4 (0 to `vehicle.motor_max`), and flies to the next command or
-    /// landing.
+    /// Commands the motors m1…m4 (0 to `vehicle.motor_max`), and flies until the next command is
+    /// due or the drone has landed. After the landing, nothing happens.
     pub fn command(&mut self, motors: [f64; 4]) -> Result<()> {
         if self.has_landed {
             return Ok(());

@@ -189,7 +189,8 @@ fn strata(
 /// `first` is the index of its first record among those of the study.
 fn measure(study: &Study, records: &[Record], first: usize) -> Measures {
     let probabilities = strata(study, records, |record| Some(record.outcome.probability));
-    // Photos are sorted from worst to best. A flight with a lost drone has no photo.
+    // Photos are sorted from worst to best. A flight with a lost drone has no photo. Without any
+    // photo, the first record stands for both the median and the worst.
     let mut photos: Vec<usize> =
         (0..records.len()).filter(|index| records[*index].outcome.flown.is_some()).collect();
     photos.sort_by(|a, b| {
@@ -271,7 +272,8 @@ mod tests {
 
     #[test]
     fn places_follow_the_order_and_ties_share_the_place_of_their_first() {
-        // Contender b is always slightly worse than a. Contender c is worse, but sometimes best.
+        // Contender b is always slightly worse than a. Contender c is worse on average, but the
+        // best in some flights.
         let a: Vec<f64> = (0..20).map(|k| 0.9 - 0.001 * f64::from(k)).collect();
         let b: Vec<f64> = a.iter().map(|p| p - 0.01).collect();
         let c: Vec<f64> = (0..20).map(|k| if k % 3 == 0 { 0.95 } else { 0.8 }).collect();

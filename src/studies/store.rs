@@ -292,11 +292,11 @@ fn check_header(folder: &Path) -> Result<()> {
     if (&noctograph, format) == (&ours.noctograph, FORMAT) {
         return Ok(());
     }
-    let wanted = ours.noctograph;
+    let this_build = ours.noctograph;
     Err(input_error!(
         path.display(),
         "flights of noctograph {noctograph} (format {format})",
-        "{wanted} (format {FORMAT})",
+        "{this_build} (format {FORMAT})",
         "name another folder, because flights of two builds cannot be compared",
     ))
 }

@@ -137,11 +137,11 @@ impl Prepared {
     /// Exposes and reads the flights of a seed, and returns the outcome. If a lamp passes in front
     /// of the lens, there is no photo, and the drone is counted as lost.
     pub fn judge(&self, flights: Result<Vec<Flight>>, seed: u64) -> Result<Outcome> {
-        let shot = flights.and_then(|flights| {
+        let result = flights.and_then(|flights| {
             let recordings = flights.into_iter().map(Recording::Flight).collect();
             Shoot { recordings, ..self.shoot(seed) }.take(&|_, _| {})
         });
-        let shot = match or_lost(shot)? {
+        let shot = match or_lost(result)? {
             Ok(shot) => shot,
             Err(how) => return Ok(Outcome::lost(self.word(), how)),
         };

@@ -94,9 +94,9 @@ impl TuneOptions {
         stop: &Stop,
         done: &(dyn Fn(usize) + Sync),
     ) -> Result<(Study, Ranking)> {
-        let contenders = [("as it was", original), (TUNED, tuned)];
-        let contenders = contenders.map(|(name, scene)| NamedScene::new(name, scene.clone()));
-        let (contenders, conditions) = (contenders.into(), self.conditions.clone());
+        let scenes = [("as it was", original), (TUNED, tuned)];
+        let named = scenes.map(|(name, scene)| NamedScene::new(name, scene.clone()));
+        let (contenders, conditions) = (named.into(), self.conditions.clone());
         // `TESTS` makes the seeds differ from those of the search and the finals.
         let study = Study { contenders, words, conditions, seed: self.seed ^ TESTS };
         let trials: Vec<Trial> = study.trials().collect();
@@ -329,8 +329,8 @@ impl Tuning<'_> {
         let flown = by_cost.iter().map(|c| self.candidate(c.number, &c.point, flights, None));
         let mut finalists = flown.collect::<Result<Vec<_>>>()?;
         // `min_by` returns the first of several equal minima, which may be the original scene.
-        let best = finalists.iter().min_by(|a, b| a.cost().total_cmp(&b.cost()));
-        let best = best.expect("the original scene").clone();
+        let cheapest = finalists.iter().min_by(|a, b| a.cost().total_cmp(&b.cost()));
+        let best = cheapest.expect("the original scene").clone();
         Ok([finalists.swap_remove(0), best])
     }
 

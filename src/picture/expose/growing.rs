@@ -15,7 +15,7 @@ use noctograph_core::parallel;
 pub struct GrowingFilm {
     /// The last image, or `None` before the first one.
     drawn: Option<Latent>,
-    /// The counts of each tint of the last image, in the brightest channel.
+    /// The counts of the last image in the brightest channel, one plane for each tint.
     planes: Vec<Vec<u32>>,
     /// Number of records that were drawn or subtracted for the last image.
     n_drawn: usize,

@@ -3,7 +3,8 @@
 //! The algorithm is swinging-door thinning (Bristol 1990), which is greedy and runs in linear time.
 //! An interval is added to the run if three quantities stay within tolerance of the chord from the
 //! run's first sample to its last: the position at constant speed, the brightness (so that a fade
-//! is one segment), and the width of the spot. The segment has the exact sum of the light.
+//! is one segment), and the width of the spot. The light of a segment is the exact sum of the
+//! intervals' light.
 
 use super::project::{Interval, Px};
 use noctograph_core::geometry::Chords;
@@ -110,7 +111,7 @@ impl Merged {
     }
 
     /// Adds the interval if the run stays straight and even with it, within `tolerance_px`. Returns
-    /// false if it would not. The run is then complete.
+    /// false if it would not, in which case the run is complete.
     fn extend(&mut self, next: &Interval, tolerance_px: f64) -> bool {
         let [first_light, last_light] = self.span.light_lx_px2;
         let slack = UNEVENNESS * tolerance_px * first_light.max(last_light);

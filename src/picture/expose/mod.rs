@@ -393,8 +393,8 @@ fn check(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result
     ];
     // Numbers in the camera's distortion and pose may be negative.
     let distortion = camera.distortion.map(|k| ("camera: distortion", k, [-1e3, 1e3]));
-    let pose = camera.position_m.iter().chain(camera.camera_from_world.iter());
-    let pose = pose.map(|value| ("camera: position and attitude", *value, [-1e9, 1e9]));
+    let numbers = camera.position_m.iter().chain(camera.camera_from_world.iter());
+    let pose = numbers.map(|value| ("camera: position and attitude", *value, [-1e9, 1e9]));
     for (key, value, [min, max]) in ranges.into_iter().chain(distortion).chain(pose) {
         within(key, value, min, max)?;
     }

@@ -122,9 +122,9 @@ fn add(counts: &mut [u32], light: &[u32], fraction: u32) {
         ALL => counts.iter_mut().zip(light).for_each(|(count, light)| *count += light),
         _ => {
             for (count, &light) in counts.iter_mut().zip(light) {
-                let part = u64::from(light) * u64::from(fraction) + u64::from(ALL / 2);
+                let scaled = u64::from(light) * u64::from(fraction) + u64::from(ALL / 2);
                 #[expect(clippy::cast_possible_truncation, reason = "no more than the light")]
-                let part = (part >> ALL_BITS) as u32;
+                let part = (scaled >> ALL_BITS) as u32;
                 *count += part;
             }
         }

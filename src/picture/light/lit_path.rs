@@ -196,6 +196,7 @@ struct Mount {
 }
 
 impl Mount {
+    /// Returns the position and the normalized axis of a fixture in the body frame.
     fn new(fixture: &Fixture) -> Self {
         let axis = Vector3::from(fixture.axis_body).normalize();
         Self { position_m: fixture.position_body_m.into(), axis }
@@ -212,8 +213,8 @@ impl Mount {
     }
 }
 
-/// Interpolates position and axis of a lamp at `time_s`, which is clamped to the samples' times.
-/// The level is 0.
+/// Returns the position and axis of a lamp, interpolated at `time_s`, with a level of 0. The time
+/// is clamped to those of the samples.
 fn between(a: LightSample, b: LightSample, time_s: f64) -> LightSample {
     let span_s = b.time_s - a.time_s;
     let fraction = if span_s > 0.0 { ((time_s - a.time_s) / span_s).clamp(0.0, 1.0) } else { 1.0 };

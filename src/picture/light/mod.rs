@@ -268,11 +268,11 @@ pub fn light(flight: &Flight, options: &LightOptions, seed: u64, drone: u64) -> 
     let fixtures = options.fixtures();
     check_channels(flight, &fixtures)?;
     let programs = Programs::new(flight, options, seed, drone);
-    let samples = gaps::stretches(flight);
+    let flown = gaps::stretches(flight);
     // A row of several colors has many short runs, so a coarser path suffices.
     let fine_m = options.path_tolerance_m;
-    let fine = LazyCell::new(|| lit_path::stretches(&samples, fine_m));
-    let coarse = LazyCell::new(|| lit_path::stretches(&samples, lit_path::COARSE_M));
+    let fine = LazyCell::new(|| lit_path::stretches(&flown, fine_m));
+    let coarse = LazyCell::new(|| lit_path::stretches(&flown, lit_path::COARSE_M));
     let mut trace = LightTraceData::default();
     for fixture in &fixtures {
         let sources = sources(fixture, &programs.changes(fixture));

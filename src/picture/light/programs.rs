@@ -89,12 +89,12 @@ impl<'a> Programs<'a> {
         Timer { period_s: self.options.tick_s, phase_s: 0.0 }.hold(&arrivals)
     }
 
-    /// Returns the changes of a lamp that is lit for `on_s` in each period of the flight. The first
-    /// period begins at `phase_s`.
+    /// Returns the changes of a lamp that is lit for `on_s` in each period of the flight. Periods
+    /// begin at `phase_s` and at whole periods before and after it.
     fn blink(&self, on_s: f64, period_s: f64, phase_s: f64) -> Vec<Change> {
         let timer = Timer { period_s, phase_s };
         let mut changes = Vec::new();
-        // Starts with the flash that may have begun before the flight.
+        // The first flash may have begun before the flight, and is cut off at its start.
         let mut number = timer.next(self.begin_s - on_s);
         while timer.tick_s(number) < self.end_s {
             let tick_s = timer.tick_s(number);
@@ -176,7 +176,7 @@ impl<'a> Programs<'a> {
     }
 }
 
-/// Intensity of white for the color LED deck, and for an LED of the ring, which can emit 1 cd.
+/// Intensity of white for the color LED deck, and for one LED of the ring, whose maximum is 1 cd.
 /// Twice the deck's value overexposes a seven-letter word at f/22, and half of it leaves 8 steps of
 /// green. Screen colors that differ only in brightness become one color, whose strongest channel is
 /// as bright as white's.

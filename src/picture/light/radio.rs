@@ -78,7 +78,8 @@ pub(super) struct Timer {
 }
 
 impl Timer {
-    /// Returns the number of the first tick at or after `time_s`. The period must not be 0.
+    /// Returns the number of the first tick at or after `time_s`. For a period of 0 the number is
+    /// not finite.
     pub(super) fn next(self, time_s: f64) -> f64 {
         // The tolerance keeps a command that arrives on a tick from missing that tick.
         ((time_s - self.phase_s) / self.period_s - TICK_TOLERANCE).ceil()

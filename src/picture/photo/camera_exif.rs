@@ -223,9 +223,9 @@ impl Photograph {
         }
         // The longer side keeps its number of pixels.
         let longer = camera.width_px.max(camera.height_px);
-        let shorter = f64::from(longer) * (width.min(height) / width.max(height));
+        let shorter_px = f64::from(longer) * (width.min(height) / width.max(height));
         #[expect(clippy::cast_possible_truncation, reason = "a side")]
-        let shorter = (shorter.round() as u32).max(1);
+        let shorter = (shorter_px.round() as u32).max(1);
         (camera.width_px, camera.height_px) = (longer, shorter);
         if (width < height) != turned {
             (camera.width_px, camera.height_px) = (shorter, longer);
@@ -440,7 +440,7 @@ impl Photograph {
 /// are rounded to whole pixels.
 const SAME_ASPECT: f64 = 0.04;
 
-/// Maximum relative difference between two equal sensor widths.
+/// Relative difference below which two sensor widths count as equal.
 const SAME_WIDTH: f64 = 0.1;
 
 /// Returns the relative difference between two positive numbers.

@@ -156,10 +156,10 @@ impl Plane<Vec3> {
         let widest = SENSITIVITY.iter().map(|[_, b]| b.max_element()).fold(0.0, f32::max);
         let radius = (3.0 * (widest / (2.0 * PI * PI)).sqrt() * PIXELS_PER_DEGREE).ceil();
         let [(first, mut out), (second, wide)] = SENSITIVITY.map(|[a, b]| {
-            let bell = kernel(radius, |x| b.map(|b| libm::expf(-PI * PI * x * x / b)));
+            let exponentials = kernel(radius, |x| b.map(|b| libm::expf(-PI * PI * x * x / b)));
             // The factor a √(π/b) is applied only once, not for each axis.
-            let area: Vec3 = bell.iter().sum();
-            let bell = unit(bell);
+            let area: Vec3 = exponentials.iter().sum();
+            let bell = unit(exponentials);
             (a * b.map(|b| (PI / b).sqrt()) * area * area, self.along_x(&bell).along_y(&bell))
         });
         for (out, wide) in out.values.iter_mut().zip(wide.values) {

@@ -47,8 +47,8 @@ impl<const PARTS: usize> Kernel<PARTS> {
     /// Returns the position, out of `n`, that receives a part of a cell, mirrored at the border.
     pub(super) fn position(&self, cell: usize, part: usize, n: usize) -> usize {
         let (position, n) = ((self.step * cell + part).cast_signed() + self.first, n.cast_signed());
-        let mirrored = if position < 0 { -1 - position } else { position };
-        let mirrored = if mirrored >= n { 2 * n - 1 - mirrored } else { mirrored };
+        let from_start = if position < 0 { -1 - position } else { position };
+        let mirrored = if from_start >= n { 2 * n - 1 - from_start } else { from_start };
         mirrored.clamp(0, n - 1).cast_unsigned()
     }
 

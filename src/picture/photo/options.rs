@@ -82,7 +82,8 @@ settings! {
 
 impl SensorNoise {
     /// Returns the noise of a picture in which each pixel is the sum of `n` independent photosites
-    /// of this sensor. Enlarged pixels (n below 1) have the noise of a finer sensor.
+    /// of this sensor. Enlarged pixels (n below 1) have the noise of a finer sensor. The results
+    /// are limited to the ranges of their keys.
     #[must_use]
     pub fn resampled(&self, n: f64) -> Self {
         Self {

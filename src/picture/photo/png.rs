@@ -76,10 +76,10 @@ pub(super) fn from_png(bytes: &[u8], path: &Path, texts: bool) -> Result<(Photo,
     let frame = reader.next_frame(&mut samples).map_err(|e| broken(&e))?;
     // Converts the picture to 8 bits, turns it upright, and then reads the texts.
     to_rgb8(&mut samples, frame.color_type, frame.bit_depth);
-    let photo = PhotoData { width_px, height_px, rgb8: samples, scene_toml: None };
+    let stored = PhotoData { width_px, height_px, rgb8: samples, scene_toml: None };
     let info = reader.info();
     let orientation = info.exif_metadata.as_deref().and_then(Orientation::from_exif_chunk);
-    let photo = turned(photo, orientation.unwrap_or(Orientation::NoTransforms));
+    let photo = turned(stored, orientation.unwrap_or(Orientation::NoTransforms));
     let text = |keyword| text(&info.utf8_text, keyword, path);
     Ok((
         Photo::new(PhotoData { scene_toml: text(SCENE_KEYWORD)?, ..photo })?,
@@ -97,8 +97,8 @@ pub(super) fn turned(photo: PhotoData, orientation: Orientation) -> PhotoData {
         return photo;
     }
     let PhotoData { width_px, height_px, rgb8, scene_toml } = photo;
-    let picture = image::RgbImage::from_raw(width_px, height_px, rgb8);
-    let mut picture = DynamicImage::from(picture.expect("three bytes a pixel"));
+    let stored = image::RgbImage::from_raw(width_px, height_px, rgb8);
+    let mut picture = DynamicImage::from(stored.expect("three bytes a pixel"));
     picture.apply_orientation(orientation);
     let (width_px, height_px) = (picture.width(), picture.height());
     PhotoData { width_px, height_px, rgb8: picture.into_rgb8().into_raw(), scene_toml }

@@ -59,6 +59,8 @@ pub(super) fn starburst(film: &Film, camera: &Camera, blades: u32) -> Vec<Change
     if blades == 0 {
         return Vec::new();
     }
+    // Each blade diffracts light to both sides. With an even number of blades, the spikes of two
+    // opposite blades coincide.
     let n_spikes = if blades.is_multiple_of(2) { blades } else { 2 * blades };
     let mut changes = Vec::new();
     for point in points(film, camera, &cells(film, WHOLE)) {

@@ -73,12 +73,12 @@ fn filter(
     let above_first = vec![0_u8; row_bytes];
     filtered.resize(rows.len() * (row_bytes + 1), 0);
     let mut averaged = vec![0_u8; row_bytes];
-    for (row, out) in rows.zip(filtered.chunks_exact_mut(row_bytes + 1)) {
-        let above: &[u8] = match row {
+    for (y, out) in rows.zip(filtered.chunks_exact_mut(row_bytes + 1)) {
+        let above: &[u8] = match y {
             0 => &above_first,
-            _ => &picture[(row - 1) * row_bytes..][..row_bytes],
+            _ => &picture[(y - 1) * row_bytes..][..row_bytes],
         };
-        let row = &picture[row * row_bytes..][..row_bytes];
+        let row = &picture[y * row_bytes..][..row_bytes];
         let (kind, out) = out.split_at_mut(1);
         noctograph_core::dispatch!(|| {
             for (out, (byte, above)) in out.iter_mut().zip(row.iter().zip(above)) {
@@ -123,8 +123,8 @@ fn compress(filtered: &[u8], is_last: bool) -> Strip {
     compressor.write_data(filtered).expect(FITS);
     // The stream is its header of two bytes, one deflate block, and the checksum.
     let mut blocks = compressor.finish().expect(FITS);
-    let sum = blocks.split_off(blocks.len() - 4);
-    let sum = sum.iter().fold(0, |sum, byte| sum << 8 | u64::from(*byte));
+    let checksum = blocks.split_off(blocks.len() - 4);
+    let sum = checksum.iter().fold(0, |sum, byte| sum << 8 | u64::from(*byte));
     blocks.drain(..2);
     if blocks.len() > filtered.len() + 5 * filtered.len().div_ceil(MAX_STORED) {
         blocks = stored(filtered, is_last);

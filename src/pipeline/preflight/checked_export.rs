@@ -110,8 +110,8 @@ impl CheckedExport {
     /// a script needs a feature that the scene's firmware release lacks.
     pub fn new(shoot: Shoot, options: ExportOptions) -> Result<Self> {
         check_release(&shoot, options.format)?;
-        let trajectory = options.format.trajectory(options.mode);
-        let trajectory = trajectory
+        let wanted_form = options.format.trajectory(options.mode);
+        let trajectory = wanted_form
             .map(|(form, length)| shoot.as_exported(form, options.tolerance_m, length))
             .transpose()?;
         // The checks apply to what the file commands: the decoded trajectory, or the plans.
@@ -223,8 +223,8 @@ fn check_release(shoot: &Shoot, format: Format) -> Result<()> {
         (has_color_led, Feature::COLOR_LED, "light the ring (light.deck)"),
         (is_brushless, Feature::BRUSHLESS, "name the preset of the drone"),
     ];
-    let mut needs = needs.iter().filter(|(is_needed, ..)| *is_needed);
-    let Some((_, feature, hint)) = needs.find(|(_, feature, _)| !release.has(feature)) else {
+    let mut needed = needs.iter().filter(|(is_needed, ..)| *is_needed);
+    let Some((_, feature, hint)) = needed.find(|(_, feature, _)| !release.has(feature)) else {
         return Ok(());
     };
     let wanted = format!("{} or newer for {}", feature.since.name(), feature.what);

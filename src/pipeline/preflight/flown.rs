@@ -225,20 +225,17 @@ fn battery(flight: &Flight, scene: &Scene) -> Diagnostic {
     let warning = flight.warnings.iter().rfind(|w| warning::BATTERY.contains(&w.code));
     let load = Battery::new(&scene.battery, flight, low_v);
     let lasts = load.as_ref().is_none_or(Battery::lasts);
-    let never = format!(
-        "less than {LOW_BATTERY_S} s below {low_v} V, which the firmware \
-                         considers low"
-    );
+    let never =
+        format!("less than {LOW_BATTERY_S} s below {low_v} V, which the firmware considers low");
     // The limit is a resting voltage before take-off, which a script can measure.
     let (voltages, wanted) = match &load {
         None => ("lasts".to_owned(), never),
         Some(Battery { rest_v, sag_v, least_rest_v, .. }) => {
             // The time of hovering explains an empty battery better than voltages do.
             let verdict = match hovers_s(scene) {
-                Some(hovers_s) if !lasts => format!(
-                    "does not last: only {hovers_s:.0} s of \
-                                                     hovering"
-                ),
+                Some(hovers_s) if !lasts => {
+                    format!("does not last: only {hovers_s:.0} s of hovering")
+                }
                 _ => if lasts { "lasts" } else { "does not last" }.to_owned(),
             };
             let lowest_v = rest_v - sag_v;

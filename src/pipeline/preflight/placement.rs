@@ -353,9 +353,9 @@ impl ShotPlan {
             ("stations", positions(&self.stations_m)),
             ("audience", self.audience()),
         ];
-        let rows = rows.into_iter().map(|(thing, position)| [thing.to_owned(), position]);
+        let things = rows.into_iter().map(|(thing, position)| [thing.to_owned(), position]);
         let cameras = self.cameras.iter().map(|camera| [camera.name.clone(), camera.sentence()]);
-        rows.chain(cameras).collect()
+        things.chain(cameras).collect()
     }
 
     /// Returns a description of where the audience may stand.

@@ -61,8 +61,8 @@ impl CarriedScene {
         let is_numbered =
             number.is_some_and(|n| n.bytes().all(|b| b.is_ascii_digit() || b == b'-'));
         let in_folder = is_numbered.then(|| path.with_file_name(SCENE));
-        let files = std::iter::once(Self::path_beside(path)).chain(in_folder);
-        let mut files = files.map(|file| as_spelled(&file));
+        let named = std::iter::once(Self::path_beside(path)).chain(in_folder);
+        let mut files = named.map(|file| as_spelled(&file));
         let Some(file) = files.find(|file| file.is_file()) else { return Ok(None) };
         let toml = text::read_file(&file)?;
         let (folder, file) = (folder_of(&file), file.display().to_string());
@@ -154,7 +154,7 @@ impl CarriedScene {
         for path in files {
             scenes.extend(Self::read(path)?);
         }
-        // The result is bound only if all of the scenes are.
+        // One file whose scene may not belong to it makes the common scene uncertain.
         let is_bound = scenes.iter().all(|carried| carried.is_bound);
         let Some((first, others)) = scenes.split_first() else { return Ok(None) };
         for other in others {
@@ -197,9 +197,9 @@ impl CarriedScene {
         files.push(file);
         // The plan is moved last. If the program is killed before that, the new scene does not
         // match the old plan, so no plan is ever accepted with the scene of another.
-        let mut files = WholeFile::keep_all(files)?;
-        files.reverse();
-        Ok(files)
+        let mut kept = WholeFile::keep_all(files)?;
+        kept.reverse();
+        Ok(kept)
     }
 
     /// Returns the scene with settings that override its keys, as in [`Scene::parse_with`].

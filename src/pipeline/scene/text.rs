@@ -367,8 +367,8 @@ fn overlay_choice(base: &mut Table, over: Table, variants: &[Variant]) {
 
 /// Returns the table for a single setting, given a dotted key and a value as TOML or plain text.
 pub(super) fn single_setting(key: &str, value: &str) -> Result<Table> {
-    let parsed = format!("value = {value}").parse::<Table>().ok();
-    let parsed = parsed.filter(|table| table.len() == 1).and_then(|mut t| t.remove("value"));
+    let table = format!("value = {value}").parse::<Table>().ok();
+    let parsed = table.filter(|table| table.len() == 1).and_then(|mut t| t.remove("value"));
     // If the key's value is text, digits are read as text, because a word may be 7.
     let defaults = Scene::preset(Preset::default()).to_table();
     let is_text = implied::value_at(&defaults, key).is_some_and(Value::is_str);
@@ -488,10 +488,10 @@ pub(super) fn to_scene(values: Table) -> Result<Scene> {
 fn place_of(values: Table, error: &toml::de::Error) -> Place {
     let date = toml::value::Datetime { date: None, time: None, offset: None };
     let message = error.to_string();
-    let keys = message.trim_end().rsplit_once("in `").map_or("", |(_, keys)| keys);
+    let dotted = message.trim_end().rsplit_once("in `").map_or("", |(_, keys)| keys);
     let mut values = Value::Table(values);
     let mut place = Vec::new();
-    let mut keys = keys.trim_end_matches('`').split('.').filter(|key| !key.is_empty()).peekable();
+    let mut keys = dotted.trim_end_matches('`').split('.').filter(|key| !key.is_empty()).peekable();
     while let Some(key) = keys.next() {
         place.push(Segment::Key(key.to_owned()));
         while let Some(Value::Array(list)) = value_at(&mut values, &place) {

@@ -92,8 +92,8 @@ impl Scene {
     /// Returns the scene as the text of a file next to its plan or flight, or of a separate file,
     /// as described at [`Self::in_folder`]. Copies are named after that file.
     pub fn beside(&self, path: &Path) -> Result<SceneFiles> {
-        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-        let stem = stem.strip_suffix(".scene").unwrap_or(&stem);
+        let name = path.file_stem().unwrap_or_default().to_string_lossy();
+        let stem = name.strip_suffix(".scene").unwrap_or(&name);
         self.in_folder(&folder_of(path), &format!("{stem}."))
     }
 }

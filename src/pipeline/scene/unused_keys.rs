@@ -113,10 +113,12 @@ fn is_typeface(scene: &Scene) -> bool {
             .any(|name| ["ttf", "otf", "ttc", "otc"].contains(&&*ending(name)))
 }
 
+/// Returns true if the drawing is a JSON file, which contains handwriting.
 fn is_handwriting(scene: &Scene) -> bool {
     ending(&scene.letters.drawing) == "json"
 }
 
+/// Returns true if the drawing is a picture of pixels.
 fn is_bitmap(scene: &Scene) -> bool {
     let kinds = ["png", "jpg", "jpeg", "webp", "gif", "bmp"];
     kinds.contains(&&*ending(&scene.letters.drawing))

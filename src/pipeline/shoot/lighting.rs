@@ -141,16 +141,16 @@ impl Shoot {
     /// without a lamp. `number` is the drone's number, if there are several.
     fn problems_of_flight(&self, flight: &Flight, number: Option<DroneIndex>) -> Vec<Diagnostic> {
         let is_simulated = !self.plans.is_empty();
-        let warnings = flight.warnings.iter().filter(|_| is_simulated);
-        let warnings = warnings.map(|warning| warning.clone().of_drone(number));
+        let simulated = flight.warnings.iter().filter(|_| is_simulated);
+        let warnings = simulated.map(|warning| warning.clone().of_drone(number));
         let lampless = problems::lampless(flight, &self.scene.light);
         warnings.chain(problems::log_gaps(flight)).chain(lampless).collect()
     }
 
     /// Returns the light of the lamps of drone `drone`, counted from 0, during a flight.
     pub fn light_drone(&self, drone: usize, flight: &Flight) -> Result<LightTrace> {
-        let lamps = self.actual.get(drone).map_or(&self.scene.light, |actual| &actual.light);
-        let lamps = in_drawing_colors(lamps, &self.scene, self.strokes.as_ref());
+        let actual = self.actual.get(drone).map_or(&self.scene.light, |actual| &actual.light);
+        let lamps = in_drawing_colors(actual, &self.scene, self.strokes.as_ref());
         light(flight, &lamps, self.scene.seed, drone as u64)
     }
 

@@ -236,6 +236,8 @@ impl Shoot {
         Self::planned(scene, strokes, check, true)
     }
 
+    /// Plans strokes for a scene. If `flies` is true, the flight of a single drone is simulated
+    /// beside its rehearsal, as described at [`Self::flown`].
     fn planned(
         scene: Scene,
         strokes: Strokes,
@@ -449,9 +451,9 @@ impl Shoot {
     /// Returns a reader for the strokes, or `None` if the photo is not read or cannot be judged. A
     /// reader that is already prepared is shared.
     fn reader(&self) -> Result<Option<Arc<Reader>>> {
-        let word = self.strokes.as_ref().filter(|strokes| is_judged(strokes));
-        let word = word.filter(|_| self.judging != Judging::Skipped);
-        match (&self.reader, word) {
+        let judged = self.strokes.as_ref().filter(|strokes| is_judged(strokes));
+        let strokes = judged.filter(|_| self.judging != Judging::Skipped);
+        match (&self.reader, strokes) {
             (_, None) => Ok(None),
             (Some(reader), _) => Ok(Some(reader.clone())),
             (None, Some(strokes)) => Ok(Some(Arc::new(Reader::new(strokes, &self.scene.score)?))),

@@ -121,8 +121,8 @@ pub(super) fn before_photo(
     cap_height_m: f64,
 ) -> Vec<Diagnostic> {
     // The word lasts from the first to the last lettered sample of all drones.
-    let written = flights.iter().flat_map(|flight| &flight.samples);
-    let written = written.filter(|sample| sample.letter.is_some()).map(|sample| sample.time_s);
+    let samples = flights.iter().flat_map(|flight| &flight.samples);
+    let written = samples.filter(|sample| sample.letter.is_some()).map(|sample| sample.time_s);
     let [first_s, last_s] =
         written.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], t| [a.min(t), b.max(t)]);
     let [open_s, close_s] = [camera.shutter_open_s, camera.shutter_close_s];
@@ -130,8 +130,7 @@ pub(super) fn before_photo(
     let (early_s, late_s) = (last_s - close_s, open_s - first_s);
     if early_s > SLACK_S {
         let message = format!(
-            "the shutter closes at {close_s:.1} s, {early_s:.1} s before the word is \
-                     complete"
+            "the shutter closes at {close_s:.1} s, {early_s:.1} s before the word is complete"
         );
         let closes = obstacle("shutter-closes", message, "omit {camera.shutter_close_s}");
         problems.push(closes.with("at_s", close_s).with("early_s", early_s));
@@ -253,9 +252,9 @@ pub(super) fn log_gaps(flight: &Flight) -> impl Iterator<Item = Diagnostic> {
                   lit";
     let kinds = [(bridged, smooth), (open, broken.to_owned())].into_iter();
     kinds.filter(|(gaps, _)| !gaps.is_empty()).map(|(gaps, effect)| {
-        let spans = gaps.iter().take(MAX_SPANS).map(|gap| gap.span_s);
-        let spans = spans.map(|[from, to]| format!("{from:.2}–{to:.2} s"));
-        let spans = spans.collect::<Vec<_>>().join(", ");
+        let spans_s = gaps.iter().take(MAX_SPANS).map(|gap| gap.span_s);
+        let texts = spans_s.map(|[from, to]| format!("{from:.2}–{to:.2} s"));
+        let spans = texts.collect::<Vec<_>>().join(", ");
         let (n, more) = (gaps.len(), if gaps.len() > MAX_SPANS { ", …" } else { "" });
         Diagnostic::warning("log-gaps", format!("gaps of the log: {n} {effect} ({spans}{more})"))
             .with("n", n)

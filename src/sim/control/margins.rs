@@ -67,7 +67,8 @@ fn response(
 /// a sweep of frequencies in rad/s. A margin without a crossover in the sweep is `None`.
 fn swept_margins(response: impl Fn(f64) -> Option<Complex<f64>>) -> Margins {
     let mut margins = Margins::default();
-    // The steps of the logarithm are equal. A frequency at a pole of the open loop has no response.
+    // The frequencies are equally spaced on a logarithmic scale. One at a pole of the open loop has
+    // no response.
     let [first, last] = SWEEP_RAD_S.map(libm::log);
     let step = (last - first) / f64::from(SWEEP_STEPS);
     let samples = (0..=SWEEP_STEPS).map(|i| {

@@ -75,7 +75,7 @@ impl Geometric {
 
 impl Controller for Geometric {
     /// Returns the motor commands by the control law of Lee, Leok and `McClamroch` 2010, and
-    /// advances the integrals of both errors.
+    /// advances the integrals of both errors. Without thrust, the integrals are reset first.
     fn command(&mut self, estimate: &State, reference: &Reference) -> Command {
         // The thrust is the component of the desired force along the body's present z axis.
         let world_from_body = attitude(estimate).world_from_body();
@@ -124,8 +124,8 @@ impl Controller for Geometric {
     fn memory(&mut self) -> Vec<&mut f64> {
         let position =
             self.position_sum.iter_mut().filter(|_| self.gains.k_position_integral != 0.0);
-        let attitude = self.attitude_sum.iter_mut().zip(&self.gains.k_attitude_integral);
-        let attitude = attitude.filter(|(_, gain)| **gain != 0.0).map(|(sum, _)| sum);
+        let sums = self.attitude_sum.iter_mut().zip(&self.gains.k_attitude_integral);
+        let attitude = sums.filter(|(_, gain)| **gain != 0.0).map(|(sum, _)| sum);
         position.chain(attitude).collect()
     }
 }

@@ -47,7 +47,8 @@ const COMMAND_MAX: f64 = 32_767.0;
 /// motors lag. A drone with instantaneous motors needs the filter, because the derivative (1.6
 /// times the change of the rate, every 2 ms) would flip it over.
 const RATE_CUTOFF_HZ: f64 = 30.0;
-/// Largest cutoff frequency relative to the sampling rate. The filter's formula has a pole at 0.5.
+/// Largest cutoff frequency relative to the sampling rate. At 0.5, the filter's coefficients would
+/// be infinite.
 const MAX_CUTOFF: f64 = 0.45;
 /// Angle of a full turn in degrees.
 const FULL_TURN: f64 = 360.0;
@@ -126,8 +127,8 @@ impl Pid {
         let integral = (ki != 0.0).then_some(&mut self.integral);
         let measured = (kd != 0.0).then_some(&mut self.measured);
         let filter = self.filter.as_mut().filter(|_| kd != 0.0);
-        let filter = filter.map(|filter| filter.inputs.iter_mut().chain(&mut filter.outputs));
-        integral.into_iter().chain(measured).chain(filter.into_iter().flatten())
+        let filtered = filter.map(|filter| filter.inputs.iter_mut().chain(&mut filter.outputs));
+        integral.into_iter().chain(measured).chain(filtered.into_iter().flatten())
     }
 
     /// Resets the integral and the filter. The next derivative starts at `measured`.

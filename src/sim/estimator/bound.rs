@@ -145,7 +145,7 @@ impl<'a> Fleet<'a> {
     }
 
     /// Moves all drones along their plans to `time_s`, and propagates their covariance over
-    /// `step_s` with the inertial noise.
+    /// `step_s` with the noise of the inertial sensors.
     fn carry(&mut self, plans: &[&Plan], time_s: f64, step_s: f64) {
         let imu = &self.sensors.imu;
         let density = Density {
@@ -215,7 +215,8 @@ pub fn writing_sigma_m(bounds: &[Bound], letter: Option<usize>) -> Option<f64> {
 
 /// Returns the position in m of an additional anchor with which all drones have the lowest bound
 /// over the strokes, and that bound in m. The candidates form a grid in the box around anchors and
-/// word. The position is at least 0.1 m above the floor. The bound is infinite if no stroke is lit.
+/// word, without the positions of anchors, and lie at least 0.1 m above the floor. If no stroke is
+/// lit, the position is the origin and the bound is infinite.
 ///
 /// # Errors
 ///

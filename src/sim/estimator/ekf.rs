@@ -306,8 +306,8 @@ impl Model {
                 each(source, &[Part::One(2, 1.0)], measured_m - position_m.z, variance);
             } else if cos_tilt >= LEAST_COS_TILT {
                 // The expected distance is d = (z − floor) / cos tilt. A rotation changes the
-                // cosine by the other two entries in its row. The floor must be last for the step
-                // test.
+                // cosine by the other two entries in its row. The part of the floor is last,
+                // because it is left out if the floor has no steps.
                 let expected_m = (position_m.z - self.floor_m) / cos_tilt;
                 let [x, y] = [0, 1].map(|axis| world_from_body[(2, axis)]);
                 let turn = Vector3::new(y, -x, 0.0) * (expected_m / cos_tilt);

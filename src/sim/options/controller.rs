@@ -145,8 +145,9 @@ settings! {
     ///
     /// The default gains equal those of the team's regulator for small angles (its gains divided by
     /// the inertia, and by the pitch inertia times gravity), with integrals that are slow in
-    /// comparison. The firmware's gains (`controller_lee.c`, releases 2024.10 to 2026.08: 7, 4, 0,
-    /// divided by Förster's inertia 422, 69, 1810) tolerate more motor lag.
+    /// comparison. The firmware's gains tolerate more motor lag. In `controller_lee.c` (releases
+    /// 2024.10 to 2026.08) they are 7, 4 and 0 for positions, and for attitudes 422, 69 and 1810
+    /// after division by Förster's inertia.
     pub struct GeometricOptions {
         /// Acceleration per position error in 1/s².
         k_position: f64 = 9.8, in 0.0..=1e4;

@@ -125,7 +125,8 @@ fn grid_m(from_m: f64, to_m: f64, step_m: f64) -> Vec<f64> {
     (0..=n).map(|i| from_m + (to_m - from_m) * f64::from(i) / f64::from(n)).collect()
 }
 
-/// Returns the number of stations that see a level drone at a point, and the accuracy there.
+/// Returns the numbers of stations whose sweeps reach a level drone at a point directly and by a
+/// mirror, and the standard deviation of the position there in m.
 fn covered_point(options: &LighthouseOptions, point_m: &Vector3<f64>) -> CoveredPoint {
     let room = Room::new(options);
     let (mut n_stations, mut n_reflected, mut information) = (0, 0, Matrix3::zeros());

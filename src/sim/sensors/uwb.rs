@@ -85,7 +85,8 @@ impl Errors {
     /// distributed, and have either sign for differences.
     fn add_to(&mut self, distance_m: f64, options: &UwbOptions, differences: bool) -> f64 {
         // A Laplace distribution is drawn from its quantile. The lower half uses 1 − 2 q, which has
-        // the same distribution as 2 q but is never zero. Both numbers are drawn for each range.
+        // the same distribution as 2 q but is never zero. Each range takes two numbers, whether or
+        // not it is an outlier.
         let white_m = self.noise.normal() * options.noise_m;
         let [chance, uniform] = [self.outliers.uniform(), self.outliers.uniform()];
         let quantile = if differences { uniform } else { 0.5 + 0.5 * uniform };

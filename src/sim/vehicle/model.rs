@@ -36,11 +36,11 @@ impl VehicleOptions {
     pub(crate) fn derivative(&self, state: &State, wrench: &Wrench) -> State {
         let (rate, j) = (rate(state), Vector3::from(self.inertia_kg_m2));
         let motion = state.fixed_rows::<RATE>(0).into_owned();
-        let motion = motion_derivative(&motion, &rate, wrench[3] / self.mass_kg);
+        let moved = motion_derivative(&motion, &rate, wrench[3] / self.mass_kg);
         // Euler's equations are J ω̇ = τ + J ω × ω.
         let acceleration = (j.component_mul(&rate).cross(&rate) + wrench.xyz()).component_div(&j);
         let mut derivative = State::zeros();
-        derivative.fixed_rows_mut::<RATE>(0).copy_from(&motion);
+        derivative.fixed_rows_mut::<RATE>(0).copy_from(&moved);
         derivative.fixed_rows_mut::<3>(RATE).copy_from(&acceleration);
         derivative
     }

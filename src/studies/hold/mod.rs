@@ -139,8 +139,8 @@ impl Hold {
                 last.map(|reading| reading.measured_m)
             });
             let states = [s.truth, s.estimate, s.sigma].into_iter().flatten().map(Some);
-            let cells = numbers.into_iter().chain(readings).chain(states);
-            let cells = cells.map(|number| number.map_or_else(String::new, |n| n.to_string()));
+            let values = numbers.into_iter().chain(readings).chain(states);
+            let cells = values.map(|number| number.map_or_else(String::new, |n| n.to_string()));
             out.write_record(cells)?;
         }
         out.flush()

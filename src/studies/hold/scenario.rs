@@ -102,7 +102,8 @@ impl HoldScenario {
             drain(&mut actual);
         }
         // Gusts and the draft are modeled as wind that causes the same acceleration through the
-        // drag. With little drag, the wind is limited to 50 m/s.
+        // drag. With little drag, the wind is limited to 50 m/s. Options with gusts keep their
+        // wind.
         let [sigma_m_s2, time_s] = GUST;
         let drag_n_s_m = actual.vehicle.body_drag_n_s_m[2];
         if actual.air.gusts == Gusts::None && drag_n_s_m > 0.0 {

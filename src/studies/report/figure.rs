@@ -305,7 +305,8 @@ pub(super) fn ticks(range: &Range<f64>, length_px: f64) -> Vec<f64> {
     let most = (length_px / ROOM_PX).floor().max(LEAST_NUMBERS);
     let decade = libm::floor(libm::log10((range.end - range.start) / most));
     for step in [1.0, 2.0, 5.0, 10.0] {
-        // Ticks are computed as integer · times / parts, so that tenths are rounded only once.
+        // Ticks are computed as integer · times / parts, so that tenths are rounded only once. The
+        // ends of the range may be missed by 1e-9 of a step, which allows for rounding errors.
         let [times, parts] = if decade < 0.0 {
             [step, libm::pow(10.0, -decade)]
         } else {

@@ -55,8 +55,8 @@ pub fn plan_view(plans: &[Plan], word: &str, numbers: &[(usize, [f64; 2])]) -> S
     }
     let longest_s = plans.iter().map(|plan| plan.duration_s()).fold(0.0, f64::max);
     let marks = plans.iter().enumerate().flat_map(|(i, plan)| marks(plan, i, plans.len()));
-    let numbers = if numbers.len() <= MOST_TIMES { numbers } else { &[] };
-    let numbers = numbers
+    let shown = if numbers.len() <= MOST_TIMES { numbers } else { &[] };
+    let numbers = shown
         .iter()
         .map(|(number, [x, y])| Mark { place: (*x, *y), text: format!("no. {number}") });
     View { curves, marks: marks.chain(numbers).collect(), legend }

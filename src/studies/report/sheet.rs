@@ -100,7 +100,8 @@ pub fn spread_sheet(title: &str, photos: &[(Photo, String)]) -> Photo {
 
 /// Returns an image of rows of photos, with a title above each row and a caption below each photo.
 fn contact_sheet(rows: &[Row]) -> Photo {
-    // The width is that of the widest row. Each row is a photo and two lines of text high.
+    // The width is that of the widest row, and at least 400 pixels, so that titles fit. Each row is
+    // a photo and two lines of text high.
     let widths = rows.iter().map(|(_, photos)| {
         photos.iter().map(|(photo, _)| photo.width_px as usize + GAP_PX).sum::<usize>()
     });

@@ -17,8 +17,8 @@ pub fn spread_front(spread: &Spread) -> String {
     let flights: Vec<_> = shots.flat_map(|shot| &shot.flights).collect();
     let n_drones = spread.all.len();
     // All flights have the same designs, so only those of the first flight are drawn.
-    let design = flights[..n_drones].iter();
-    let design = design.flat_map(|flight| lit(flight, |s| (s.design_m.x, s.design_m.z)));
+    let first = flights[..n_drones].iter();
+    let design = first.flat_map(|flight| lit(flight, |s| (s.design_m.x, s.design_m.z)));
     let mut curves = vec![Curve { pen: DESIGN, pieces: design.collect() }];
     curves.extend(flights.iter().map(|flight| Curve {
         pen: FLIGHT,

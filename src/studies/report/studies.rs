@@ -27,6 +27,7 @@ pub fn pareto(
     let points = within.iter().chain(others).chain(front).chain(start);
     let x = around(points.clone().map(|point| point.0), 1.0);
     let y = around(points.map(|point| point.1), 0.02);
+    // A cross of size 1 extends by about 5 px to each side.
     let unit = ((x.end - x.start) / 150.0, (y.end - y.start) / 75.0);
     let [gray, orange] = [Pen::new(GRAY, 1.5), Pen::new(ORANGE, 1.0)];
     let [blue, vermilion] = [Pen::new(BLUE, 2.0), Pen::new(VERMILION, 3.0)];
