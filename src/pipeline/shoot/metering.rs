@@ -49,8 +49,8 @@ pub struct Metered {
     /// True if the trail is more than a stop darker than its target, to keep the room dark.
     #[serde(rename = "gave_way")]
     pub keeps_room_dark: bool,
-    /// Strength, in whole stops, of the neutral-density filter that is required in addition to the smallest
-    /// aperture and the lowest sensitivity.
+    /// Strength, in whole stops, of the neutral-density filter that is required in addition to the
+    /// smallest aperture and the lowest sensitivity.
     pub filter_stops: u32,
     /// Maximum duration of a single exposure, if the shutter is open for longer than the camera
     /// allows, so that several exposures must be combined.
