@@ -120,18 +120,8 @@ const FORMATS: [(&[u8], &str, &str); 31] = [
         "log the position as well, because this log contains none",
     ),
     (b"LabVIEW Measurement", "a LabVIEW file", "keep only the table, with a header t,x,y,z"),
-    (
-        b"% program",
-        "an RTKLIB solution",
-        "write the position in meters (east, north, up) with a \
-                                          header t,x,y,z",
-    ),
-    (
-        b"$G",
-        "sentences of NMEA",
-        "write the position in meters (east, north, up) with a header \
-                                  t,x,y,z",
-    ),
+    (b"% program", "an RTKLIB solution", "write east, north, up in meters as t,x,y,z"),
+    (b"$G", "sentences of NMEA", "write east, north, up in meters as t,x,y,z"),
     (b"%PDF", "a PDF file", "import the log itself"),
     (b"pitch:", "the state of a Tello, as names and values", BY_NAME),
     (b"mid:", "the state of a Tello, as names and values", BY_NAME),

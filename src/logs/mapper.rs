@@ -319,8 +319,7 @@ fn warn_of_gaps(gaps: &[[f64; 2]]) -> Option<Diagnostic> {
     let shown = gaps.iter().map(|[from_s, to_s]| format!("{from_s:.2}–{to_s:.2} s"));
     let shown = shortened(&shown.collect::<Vec<_>>());
     let text = format!(
-        "{n} gap(s) in the pose are left out, {total_s:.2} s in total, {longest_s:.2} s at most: \
-         {shown}"
+        "{n} gap(s) in the pose left out, {total_s:.2} s in total, {longest_s:.2} s at most: {shown}"
     );
     Some(Diagnostic::warning("gaps", text))
 }
