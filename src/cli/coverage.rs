@@ -160,7 +160,7 @@ error     median {error_median_m*1e3:.1} mm, 95 % below {error_p95_m*1e3:.1} mm,
 error     unknown: {unknown}
 mirrors   show a station a second time at {reflected} points
 
-|seen|stations<10|points<10|share<0
+|seen|stations<10|points<10|fraction<0
 {stations}|{points}|{share*100:.1} %
 
 ";

@@ -32,7 +32,7 @@ pub(super) fn run(args: &GainsArgs) -> Result<Report> {
     let scene = args.scene.load(&[], &[])?;
     let vehicle_s = 0.5 * (scene.vehicle.motor_rise_s + scene.vehicle.motor_fall_s);
     let default_s = if vehicle_s > 0.0 { vehicle_s } else { MOTOR_LAG_S };
-    // Regulator and observer are designed, and the scene's control loop is linearized.
+    // The regulator and the observer are designed, and the scene's control loop is linearized.
     let design = design(&scene.sim(), args.motor_lag.unwrap_or(default_s))?;
     warn(&design.warnings);
     let loops = loop_gains(&scene.sim());

@@ -61,7 +61,7 @@ pub(super) fn run(args: &ReadArgs) -> Result<Report> {
 const LAYOUT: &str = "\
 {line~no writing found}
 
-|letters|letter<10|share<0
+|letters|letter<10|P<0
 {letter}|{p:.2}
 ";
 

@@ -30,11 +30,11 @@ pub fn verdict_table(verdict: &Verdict) -> String {
 const VERDICT: &str = "\
 {sentence}
 because   {because}
-rival     {likely.word}, share {likely.p:.2}
+rival     {likely.word}, probability {likely.p:.2}
 faithful  {faithfulness:.2} (1: every stroke is lit, and nothing else)
 blind     reads {blind}
 
-|letters|letter<10|share<7|best<7|rivals<0
+|letters|letter<10|P<7|best<7|rivals<0
 {expected}|{p:.2}|{best}|{seen.#}
 
 {gains}

@@ -123,7 +123,7 @@ impl Compressed {
         bytes.extend(self.yaw.to_le_bytes());
         for piece in &self.pieces {
             // Each axis takes two bits: 0, 1 and 3 further control points have codes 0, 1 and 2,
-            // respectively.
+            // respectively. There is no piece with 2.
             let [x, y, z] = piece.axes.each_ref().map(|points_mm| [0, 1, 1, 2][points_mm.len()]);
             bytes.push(x | y << 2 | z << 4);
             bytes.extend(piece.duration_ms.to_le_bytes());

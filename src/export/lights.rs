@@ -116,7 +116,7 @@ fn color(
     })
 }
 
-/// Returns a level from 0 to 1 as a byte from 0 to 255. Levels beyond the range become its ends.
+/// Returns a level from 0 to 1 as a byte from 0 to 255. Levels outside this range are clamped.
 #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
 fn byte(level: f64) -> u8 {
     (255.0 * level.clamp(0.0, 1.0)).round() as u8

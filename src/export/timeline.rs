@@ -54,7 +54,7 @@ const LEVEL: &[usize] = &[0, 1];
 /// A hovering drone moves on no axis.
 const HOVER: &[usize] = &[];
 
-/// Moment and position of a drone at rest.
+/// Time and position at which a drone is at rest.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rest {
     /// Time since the take-off command, s.

@@ -68,7 +68,7 @@ pub(super) struct Column {
     pub(super) values: Vec<f64>,
     /// True for an angle or angular velocity whose title states no unit.
     pub(super) is_open_angle: bool,
-    /// Title and position of the column in a table, if the title is unknown.
+    /// Title and position of a table column whose title is unknown, or `None` for a known title.
     pub(super) unknown: Option<String>,
 }
 

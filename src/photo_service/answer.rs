@@ -523,8 +523,8 @@ impl Suggestion {
     }
 }
 
-/// Returns the strokes of the drawing as its file contains them, in the units of [`DrawnSource`],
-/// or `None` for a word.
+/// Returns the strokes of the drawing's file, before they are laid out, simplified and rounded to
+/// the units of [`DrawnSource`], or `None` for a word.
 fn drawn_source(strokes: &Strokes) -> Option<DrawnSource> {
     let Source { corners_px, is_bitmap, strokes } = &strokes.source;
     let points = strokes.iter().flat_map(|stroke| stroke.points.iter().copied());
@@ -544,7 +544,7 @@ fn drawn_source(strokes: &Strokes) -> Option<DrawnSource> {
         let points: Vec<[f64; 2]> =
             points.iter().map(|[x, y]| [scale * (x - left), scale * (y - top)]).collect();
         let kept = simplify(&points, 1.0).into_iter().flat_map(|index| points[index]);
-        #[expect(clippy::cast_possible_truncation, reason = "pixels of a picture")]
+        #[expect(clippy::cast_possible_truncation, reason = "pixels, or units up to 1000")]
         let coordinates = kept.map(|coordinate| coordinate.round() as i64).collect();
         drawn.push(DrawnStroke { coordinates, color: *color });
     }

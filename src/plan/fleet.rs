@@ -93,8 +93,8 @@ struct Assignment {
 }
 
 impl Assignment {
-    /// Finds the assignment that ends first. `whole_letters` keeps the strokes of a letter with one
-    /// drone. Returns `None` if the drones cannot keep apart.
+    /// Finds the assignment that ends first. `whole_letters` assigns all strokes of a letter to
+    /// the same drone. Returns `None` if the drones cannot keep apart.
     fn new(
         strokes: &Strokes,
         whole_letters: bool,

@@ -41,8 +41,8 @@ pub fn infer_lights(flight: &mut Flight, strokes: &Strokes) -> Result<()> {
     let mut flown_m = vec![[f64::INFINITY, 0.0]; moves.len()];
     let mut letters = Vec::with_capacity(flight.samples.len());
     for sample in &flight.samples {
-        // The current letter, with a flag for a lit move, is that of the move that contains the
-        // setpoint. Between moves, no letter is current.
+        // The current letter, and whether the lamp is lit, are those of the move that contains
+        // the setpoint. Between moves, no letter is current.
         let current = progress.advance(&moves, [sample.design_m.x, sample.design_m.z]);
         letters.push(current.map(|(letter, _)| letter));
         levels.push(f64::from(current.is_some_and(|(_, lit)| lit)));

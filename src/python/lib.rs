@@ -17,6 +17,7 @@ use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::io::Write;
 use std::path::Path;
+use std::sync::OnceLock;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
@@ -168,6 +169,18 @@ fn to_python<'py>(py: Python<'py>, value: &impl serde::Serialize) -> PyResult<Bo
     py.import("json")?.call_method1("loads", (json,))
 }
 
+/// Raises `RuntimeError` in a process that was forked from one that had started threads here. A
+/// fork copies no threads, so a stage would wait forever for those of the parent.
+fn check_not_forked() -> PyResult<()> {
+    static STARTED_IN: OnceLock<u32> = OnceLock::new();
+    if *STARTED_IN.get_or_init(std::process::id) == std::process::id() {
+        return Ok(());
+    }
+    let text = "this process was forked from one that had used noctograph, and its threads do not \
+                exist here: start workers by spawn, such as multiprocessing.get_context(\"spawn\")";
+    Err(pyo3::exceptions::PyRuntimeError::new_err(text))
+}
+
 /// Runs a stage with the interpreter lock released, and returns its result. Ctrl-C sets `stop`,
 /// which the stage checks, and raises `KeyboardInterrupt` at once.
 fn run<T: Send + 'static>(
@@ -197,6 +210,7 @@ fn run_showing<T: Send + 'static>(
     ends: Ends,
     stage: impl FnOnce() -> Result<T> + Send + 'static,
 ) -> PyResult<T> {
+    check_not_forked()?;
     let result = py.detach(|| {
         let (sender, receiver) = channel();
         let worker = std::thread::spawn(move || {

@@ -10,7 +10,7 @@ use super::estimator::PyEstimator;
 use super::flight::for_any_controller;
 use super::scene::PyScene;
 use super::study::columns;
-use super::{array, array_of, numbers, raised, refused, run, to_python};
+use super::{array, array_of, check_not_forked, numbers, raised, refused, run, to_python};
 use noctograph::diagnostic::Diagnostic;
 use noctograph::error::{Error, Result};
 use noctograph::scene::NamedScene;
@@ -139,6 +139,7 @@ impl PySessions {
     /// Restarts each flight whose entry in `seeds` is not None, with that seed. Raises the
     /// exception of a Python estimator.
     fn reset(&self, py: Python<'_>, seeds: Vec<Option<u64>>) -> PyResult<()> {
+        check_not_forked()?;
         let result: Result<()> = py.detach(|| {
             let mut flights = self.all();
             let seeded =
@@ -164,6 +165,7 @@ impl PySessions {
         motors: Option<&Bound<'_, PyAny>>,
         n_commands: Vec<u32>,
     ) -> PyResult<()> {
+        check_not_forked()?;
         // The arguments are checked before any drone moves, so that a refused call changes nothing.
         let n = self.all().len();
         let motors = match motors {

@@ -19,7 +19,7 @@ pub(super) struct Sketch {
     pub(super) trace: LightLines,
     /// Offset of the letter's light from its intended position: right and down.
     pub(super) shift: [isize; 2],
-    /// The runs of the pen, as intended and as moved onto their light.
+    /// The runs of the pen, both as intended and as shifted to match their light.
     pub(super) bent: Bent,
     /// The moved runs of the pen, as segments.
     pub(super) own: Vec<Line>,

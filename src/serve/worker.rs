@@ -60,8 +60,8 @@ const MAX_BYTES: usize = 32 << 20;
 pub(crate) struct Job {
     pub(crate) product: Product,
     pub(crate) subject: Subject,
-    /// Members of the request that the page receives back in an answer of one file. If it is
-    /// `None`, the answer consists of all files.
+    /// Members of the request that the page receives back in an answer of one file. Without
+    /// them, the answer consists of all files.
     pub(crate) page: Option<Asked>,
     /// Log whose light so far is photographed, in which case the product is ignored.
     pub(crate) flight: Option<Followed>,

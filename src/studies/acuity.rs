@@ -130,8 +130,8 @@ fn shrink(scene: &mut Scene, cap_height_m: f64, speed_m_s: f64) {
     }
 }
 
-/// Replaces a scene's lamps by one at the middle of the drone, and resets the camera's framing and
-/// metering to those chosen for each word.
+/// Replaces a scene's lamps by one headlight without lateral offset, and resets the lights of the
+/// plan and the letters, and the camera's framing, metering, focus and shutter.
 fn narrow_lamp(scene: &mut Scene, diameter_m: f64) {
     let headlight = Deck::LedRing.fixtures().swap_remove(0);
     let [x, _, z] = headlight.position_body_m;

@@ -28,7 +28,7 @@ struct Submitted {
 
 /// Reads submissions: files (TOML), folders of files, and folders with a folder for each student,
 /// as learning platforms export them. A result is named after the student's folder and the file. If
-/// two results would have the same name, each is named after the end of its path that makes it
+/// two results would have the same name, each is named after the shortest end of its path that is
 /// unique. Every other entry of a folder is listed with the reason for refusal, except hidden
 /// files, which are only mentioned.
 ///

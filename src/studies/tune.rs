@@ -119,7 +119,7 @@ impl TuneOptions {
         Err(input_error!(
             "budget",
             "{budget} flights and {n_knobs} knobs",
-            "at least {least} flights and a knob: {LEAST_CANDIDATES} candidates with {n_each} \
+            "at least {least} flights and one parameter: {LEAST_CANDIDATES} candidates with {n_each} \
              flights each, and {FINALISTS} finalists with {n_final} flights each",
             "raise the budget, or train on fewer words and seeds",
         ))

@@ -605,6 +605,13 @@ def test_threads_of_python_make_the_same_bytes(shot):
     assert film[shot.image.min(axis=2) > 250].mean() > 20 * film.mean() > 0
 
 
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
+def test_a_forked_process_is_refused_instead_of_waiting_forever():
+    code = "import multiprocessing, noctograph as nc; plan = lambda word: nc.plan(nc.Scene(word=word)); plan('I'); multiprocessing.get_context('fork').Pool(1).apply(nc.plan, (nc.Scene(word='I'),))"
+    child = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert child.returncode == 1 and "start workers by spawn" in child.stderr, child.stderr
+
+
 def test_the_interpreter_is_free_meanwhile():
     ticks = []
     worker = threading.Thread(target=nc.preview, args=("MOON",))

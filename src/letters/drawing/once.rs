@@ -303,8 +303,8 @@ fn change([mut same, mut other]: [[f64; 2]; 2], test: impl Fn([f64; 2]) -> bool)
     between(same, other, 0.5)
 }
 
-/// Splits a segment evenly into pieces of at most `longest`, up to 10⁵ pieces. Each piece is its
-/// start and its end.
+/// Splits a segment evenly into pieces of at most `longest`, up to 10⁵ pieces. Each piece is
+/// given by its start and its end.
 fn cut([from, to]: [[f64; 2]; 2], longest: f64) -> impl Iterator<Item = [[f64; 2]; 2]> {
     let n = (distance(from, to) / longest).ceil().clamp(1.0, 1e5);
     integers_below(n).map(move |k| [between(from, to, k / n), between(from, to, (k + 1.0) / n)])

@@ -94,14 +94,16 @@ pub(super) fn check_text(xml: &str, budget: &Budget) -> std::result::Result<(), 
         if bytes > MAX_ENTITY_BYTES.max(xml.len()) {
             return Err(format!("entities that expand to up to {} MiB", bytes >> 20));
         }
-        budget
-            .spend_steps(references.saturating_mul(STEPS_PER_ENTITY + STEPS_PER_NAME * n_entities));
+        budget.spend_steps(
+            references.saturating_mul(STEPS_PER_NAME.saturating_mul(n_entities) + STEPS_PER_ENTITY),
+        );
     }
     // A tag's attributes are compared with each other, and prefixes with the namespaces in scope.
     let (mut prefixes, mut n_names, mut n_declared) = (HashSet::new(), 0, 0);
     for tag in xml.split('<') {
         let n_attributes = tag.matches('=').count();
-        budget.spend_steps(STEPS_PER_NAME * n_attributes.saturating_mul(n_attributes));
+        budget
+            .spend_steps(n_attributes.saturating_mul(n_attributes).saturating_mul(STEPS_PER_NAME));
         n_names += n_attributes + 1;
         for declaration in tag.split("xmlns").skip(1) {
             prefixes.insert(declaration.split('=').next());
@@ -109,7 +111,12 @@ pub(super) fn check_text(xml: &str, budget: &Budget) -> std::result::Result<(), 
         }
     }
     let n = prefixes.len();
-    budget.spend_steps(STEPS_PER_NAME * n.saturating_mul(n_names + n_declared * n));
+    budget.spend_steps(
+        n.saturating_mul(n)
+            .saturating_mul(n_declared)
+            .saturating_add(n.saturating_mul(n_names))
+            .saturating_mul(STEPS_PER_NAME),
+    );
     Ok(())
 }
 

@@ -25,7 +25,7 @@ const TILE_BYTES: u64 = (size_of::<u32>() as u64) * (TILE_PX as u64) * (TILE_PX 
 /// device supports this number of workgroups.
 const MAX_TILES: u64 = 4096;
 
-/// The part of the work on an image that needs no device, and is done while one is opened.
+/// The part of the work on an image that needs no device, and is done while a device is opened.
 #[derive(Debug)]
 pub(super) struct Prepared {
     /// The film with the glow of the room, to which the light of the lamps is added.

@@ -288,7 +288,8 @@ pub fn light(flight: &Flight, options: &LightOptions, seed: u64, drone: u64) -> 
     LightTrace::new(trace)
 }
 
-/// Returns [`Error::Input`] for a flight that has none of the channels that the lamps follow.
+/// Returns [`Error::Input`] for a flight without lights: it has none of the channels that the lamps
+/// follow, and none of a ring or the color LED deck, with which such lamps are merely dark.
 fn check_channels(flight: &Flight, fixtures: &[Fixture]) -> Result<()> {
     let mut drives = fixtures.iter().map(|fixture| &fixture.drive);
     let commanded = drives.find(|drive| matches!(drive, Drive::Command(_)));

@@ -152,8 +152,8 @@ fn wind(scene: &Scene, profile: &Profile) -> Diagnostic {
 const LIGHT_KG: f64 = 0.1;
 const LIGHT_WIND_M_S: f64 = 4.0;
 
-/// Minimum distance between two base stations (an assumption). At 10 cm their beams are so nearly
-/// parallel that the depth error is 0.18 m, almost the whole corridor of 0.2 m.
+/// Minimum distance between two base stations (an assumption). At 10 cm, their beams are so
+/// nearly parallel that the depth error is 0.18 m, almost the full width of the corridor, 0.2 m.
 const BASELINE_M: f64 = 1.0;
 
 /// Checks the largest distance in m between any two base stations.

@@ -55,7 +55,7 @@ const RULES: &[Rule] = &[
             s.air.gusts == Gusts::Dryden
                 && (!feels_air(&s.vehicle) || s.air.wind_m_s[..2] == [0.0; 2])
         },
-        "these gusts are proportional to the wind and act by drag, and one of the two is 0",
+        "these gusts are proportional to the wind and act by drag, but the wind or the drag is 0",
     ),
     (
         &["light.ring"],

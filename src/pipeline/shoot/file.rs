@@ -64,8 +64,8 @@ impl Format {
     }
 }
 
-/// Maximum number of pixels in a picture that is read out from the film and encoded in memory,
-/// which takes 0.9 GB.
+/// Maximum number of pixels in a picture that is read out from the film and encoded in memory. A
+/// picture of this size takes 0.9 GB.
 const MAX_READ_OUT: u64 = 24_000_000;
 
 /// Returns the contents of a photo's file. An 8-bit PNG contains the photo's pixels. Other formats

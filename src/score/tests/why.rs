@@ -1,4 +1,5 @@
-//! Tests of causes: faults are named and measured, and mending them restores the lost probability.
+//! Tests of fault diagnosis: faults are named and measured, and correcting them restores the lost
+//! probability.
 
 use super::studio::{Shot, word};
 use super::*;

@@ -75,7 +75,8 @@ impl Geometric {
 
 impl Controller for Geometric {
     /// Returns the motor commands by the control law of Lee, Leok and `McClamroch` 2010, and
-    /// advances the integrals of both errors. Without thrust, the integrals are reset first.
+    /// advances the integrals of both errors. Below [`LEAST_THRUST_N`], both integrals are reset
+    /// before that of the attitude advances.
     fn command(&mut self, estimate: &State, reference: &Reference) -> Command {
         // The thrust is the component of the desired force along the body's present z axis.
         let world_from_body = attitude(estimate).world_from_body();

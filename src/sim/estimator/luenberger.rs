@@ -109,8 +109,8 @@ pub(crate) fn without_yaw(a: &SMatrix<f64, 9, 9>) -> SMatrix<f64, 8, 8> {
 type Linear = (SMatrix<f64, 9, 9>, SMatrix<f64, 9, 4>);
 type Derivative = fn(&Motion, &Vector4<f64>) -> Motion;
 
-/// Returns `A` and `B` of all nine rows of [`Motion`] at hover, by a method of linearization. The
-/// inputs are the body rate and the specific force along z.
+/// Returns `A` and `B` of all nine rows of [`Motion`] at hover, by the given method of
+/// linearization. The inputs are the body rate and the specific force along z.
 pub(crate) fn hover_model(
     linearize: impl Fn(Derivative, &Motion, &Vector4<f64>) -> Linear,
 ) -> Linear {
