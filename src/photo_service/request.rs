@@ -239,7 +239,7 @@ fn unlisted<'a>(settings: &'a BTreeMap<String, String>, keys: &str) -> Option<&'
     })
 }
 
-/// Returns true if a string is a valid name of a visitor: up to [`MAX_VISITOR`] ASCII letters and
+/// Returns true if a string is a valid name of a visitor: up to 40 ASCII letters and
 /// digits.
 pub fn is_name(visitor: &str) -> bool {
     (1..=MAX_VISITOR).contains(&visitor.len())

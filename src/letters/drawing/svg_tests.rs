@@ -497,7 +497,7 @@ fn of_two_elements_with_one_id_the_first_counts() {
         );
         let (drawn, warnings) = read(page(&body).as_bytes()).unwrap();
         assert_eq!(rounded(&drawn), [[0, 20, 200, 20], [0, 50, 200, 50]], "{tag}");
-        assert!(warnings[0].contains("the id \"c\" again: references go to the first"), "{tag}");
+        assert!(warnings[0].contains("the id \"c\" again: references use the first"), "{tag}");
     }
     let used = "<defs><path id='p' d='M0 20H90' stroke='red'/></defs><g display='none'>\
                 <path id='p' d='M0 90H10' stroke='red'/></g><use href='#p'/>";

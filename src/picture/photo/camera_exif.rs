@@ -632,7 +632,7 @@ mod tests {
         tags.push((Tag::FocalLengthIn35mmFilm, Value::Short(vec![26])));
         // On a sensor this small, a 2:1 picture is as wide as a 4:3 picture.
         assert!((width_m(&tags) - 0.034_613_6 * 5.7 / 26.0).abs() < 1e-7, "{}", width_m(&tags));
-        assert!(taken(&tags).1[0].contains("makes it 22.30 mm"), "{:?}", taken(&tags).1);
+        assert!(taken(&tags).1[0].contains("implies 22.30 mm"), "{:?}", taken(&tags).1);
     }
 
     /// Returns the tags of a Canon compact camera, whose resolution is 1000 times its pixels
