@@ -84,7 +84,7 @@ fn a_log_that_grows_leaves_photos_on_the_way_and_at_the_end_the_bytes_of_the_who
     let said = String::from_utf8_lossy(&out.stderr);
     assert!(out.status.success(), "{said}");
     assert!(photos.len() > 1 && photos.len() < 12, "{} photos in 4 s", photos.len());
-    assert!(said.contains("waits for log.jsonl"), "{said}");
+    assert!(said.contains("waiting for log.jsonl"), "{said}");
     for letter in ["N: reads as N", "O: reads as O", "so far NO"] {
         assert!(said.contains(letter), "{said}");
     }

@@ -111,7 +111,7 @@ fn a_photo_without_a_word_says_so_when_it_is_made_and_when_it_is_scored() {
     std::fs::remove_file(folder.path().join("flight.scene.toml")).unwrap();
     let small = ["--backend", "cpu", "--size", "192x108"];
     let nameless = run(&[&["expose", "flight.csv", "-o", "a.png"], &small[..]].concat());
-    nameless.success().stderr(predicate::str::contains("contains no word"));
+    nameless.success().stderr(predicate::str::contains("names no word"));
     let score = run(&["score", "a.png"]).code(2);
     score.stderr(predicate::str::contains("name the word after the photo"));
     run(&[&["expose", "flight.csv", "--word", "I"], &small[..]].concat()).success();

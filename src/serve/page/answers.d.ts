@@ -370,6 +370,7 @@ interface RivalWord {
 /** Role of the person who uses a page. */
 type Role = "visitor" | "operator" | "entry";
 
+/** State of an entry. */
 type State = "waiting" | "approved" | "flying" | "flown" | "rejected";
 
 /** Changes to a scene that make its word easier to read. */
