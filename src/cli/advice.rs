@@ -83,8 +83,7 @@ const FLAGS: [(&str, &str, &str); 19] = [
     (
         "times-missing",
         "period",
-        "sets the time in seconds between the rows of a table without \
-                                 times",
+        "sets the time in seconds between the rows of a table without times",
     ),
 ];
 

@@ -223,7 +223,7 @@ fn add_bumps(axis: &mut Polynomial, c: Vector2<f64>, duration_s: f64) {
 #[cfg(test)]
 mod tests {
     use super::super::pieces::motion;
-    use super::super::tests::{Row, assert_same, checked_m, read, waves};
+    use super::super::tests::{Row, assert_same, checked_m, read, same_thousand, waves};
     use super::*;
     use noctograph_core::plan::PlanData;
     use noctograph_letters::{LetterOptions, write};
@@ -298,11 +298,7 @@ mod tests {
     }
 
     proptest::proptest! {
-        #![proptest_config(proptest::prelude::ProptestConfig {
-            cases: 1000,
-            rng_seed: proptest::test_runner::RngSeed::Fixed(17),
-            ..Default::default()
-        })]
+        #![proptest_config(same_thousand())]
 
         #[test]
         fn random_plans_are_fitted_within_tolerance_and_limits(

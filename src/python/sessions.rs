@@ -165,7 +165,6 @@ impl PySessions {
         motors: Option<&Bound<'_, PyAny>>,
         n_commands: Vec<u32>,
     ) -> PyResult<()> {
-        check_not_forked()?;
         // The arguments are checked before any drone moves, so that a refused call changes nothing.
         let n = self.all().len();
         let motors = match motors {
@@ -184,10 +183,15 @@ impl PySessions {
             let hint = "a motor command must be a number: look for 0 / 0 and for logarithms";
             return Err(refused(py, "motors", actual, "numbers", hint));
         }
+        // The flights run on this thread if there are few commands, or if their order matters.
+        let n_total = n_commands.iter().sum::<u32>();
+        let is_serial = n_total < LEAST_PARALLEL_COMMANDS || self.estimator.is_some();
+        if !is_serial {
+            check_not_forked()?;
+        }
         py.detach(|| {
-            let (mut flights, n_total) = (self.all(), n_commands.iter().sum::<u32>());
-            // The flights run on this thread if there are few commands, or if their order matters.
-            if n_total < LEAST_PARALLEL_COMMANDS || self.estimator.is_some() {
+            let mut flights = self.all();
+            if is_serial {
                 let commanded = flights.iter_mut().zip(motors).zip(n_commands);
                 commanded.for_each(|((flight, motors), n)| flight.hold(motors, n));
             } else {

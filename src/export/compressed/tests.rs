@@ -3,7 +3,7 @@
 use std::f64::consts::FRAC_PI_2;
 
 use super::super::pieces::motion;
-use super::super::tests::{assert_same, checked_m, decoded, read, waves};
+use super::super::tests::{assert_same, checked_m, decoded, read, same_thousand, waves};
 use super::*;
 use noctograph_core::plan::PlanData;
 use noctograph_letters::{LetterOptions, write};
@@ -232,11 +232,7 @@ fn twenty_four_letters_fit_and_of_sixty_it_says_how_many() {
 }
 
 proptest::proptest! {
-    #![proptest_config(proptest::prelude::ProptestConfig {
-        cases: 1000,
-        rng_seed: proptest::test_runner::RngSeed::Fixed(17),
-        ..Default::default()
-    })]
+    #![proptest_config(same_thousand())]
 
     #[test]
     fn random_plans_are_decoded_within_tolerance_range_and_limits(

@@ -99,7 +99,7 @@ pub(super) fn check_text(xml: &str, budget: &Budget) -> std::result::Result<(), 
         );
     }
     // A tag's attributes are compared with each other, and prefixes with the namespaces in scope.
-    let (mut prefixes, mut n_names, mut n_declared) = (HashSet::new(), 0, 0);
+    let (mut prefixes, mut n_names, mut n_declared) = (HashSet::new(), 0_usize, 0_usize);
     for tag in xml.split('<') {
         let n_attributes = tag.matches('=').count();
         budget
@@ -111,12 +111,8 @@ pub(super) fn check_text(xml: &str, budget: &Budget) -> std::result::Result<(), 
         }
     }
     let n = prefixes.len();
-    budget.spend_steps(
-        n.saturating_mul(n)
-            .saturating_mul(n_declared)
-            .saturating_add(n.saturating_mul(n_names))
-            .saturating_mul(STEPS_PER_NAME),
-    );
+    let compared = n_names.saturating_add(n_declared.saturating_mul(n));
+    budget.spend_steps(n.saturating_mul(compared).saturating_mul(STEPS_PER_NAME));
     Ok(())
 }
 

@@ -52,6 +52,7 @@ mod noise;
 mod open;
 mod options;
 pub mod png;
+mod raw_file;
 mod sensor;
 mod starburst;
 mod strips;

@@ -6,8 +6,8 @@ use std::path::Path;
 use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 
-use super::camera_exif::refuse_raw;
 use super::png::{LIMIT, Notes, checked_size, from_png, turned};
+use super::raw_file::refuse_raw;
 use super::{Photo, PhotoData};
 use noctograph_core::camera::MAX_PIXELS;
 use noctograph_core::error::{Error, Result};
