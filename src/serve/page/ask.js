@@ -3,7 +3,7 @@
 
 import { keep, state } from "./state.js";
 
-/** Times after which a request is repeated. They double with each try, so that slow answers also arrive. */
+/** Times after which a request is repeated, doubled with each try for slow answers. */
 const LIVE_MS = 15_000;
 const LARGE_MS = 90_000;
 const LONGEST_PAUSE_MS = 10_000;
@@ -15,7 +15,7 @@ let lost = false;
 /** The newest request for a photograph. @type {{ number: number, ends: AbortController }} */
 let newest = { number: 0, ends: new AbortController() };
 
-/** Sets a function that is called when the connection is lost or restored, or when the address is no longer valid. */
+/** Sets a function to call when the connection is lost or restored, or the address has become invalid. */
 export function onLost(/** @type {(lost: boolean | "moved") => void} */ tell) {
   tellLost = tell;
 }

@@ -12,17 +12,17 @@ import { obstacle, ofError, ofLength, ofShot, say } from "./verdict.js";
 import { about, FILL, isDrawing, isEmpty, isLog, learn, title, wish } from "./wish.js";
 import { LANGUAGES, ofMaker, preferred, putWords, sentence, speak, speakAll, t } from "./words.js";
 
-/** Pauses in typing after which a sharper photograph is requested: to show it, or to judge an unclear word. */
+/** Pauses in typing before a sharper photograph is shown, or judged. */
 const REST_MS = 900,
   JUDGED_MS = 250;
 /**
- * Least readability, and largest probability of a rival, with which a word that is legible in the small
- * photograph is also legible in the large one. Of 167 photographs (56 words in three shapes), two were legible
- * only when small, with readabilities of 0.72 and 0.84, and rivals of 0.05 and 0.49.
+ * Least readability, and largest probability of a rival, with which a word that is legible in a small
+ * photograph is also legible in a large one. Two of 167 words were legible only when small: 0.72 and 0.84,
+ * with rivals of 0.05 and 0.49.
  */
 const SURE = 0.88,
   SURE_RIVAL = 0.35;
-/** Width of the stage, in device pixels, above which the photograph of a keystroke is too coarse. */
+/** Width in device pixels above which the photograph of a keystroke is too coarse. */
 const SHARP_PX = 1100;
 /** Flight time of a Crazyflie with a full battery. */
 const BATTERY_S = 240;
@@ -39,7 +39,7 @@ const strip = replay(byId("replay"), stage.expose);
  * @typedef {object} Known
  * @property {Shot | null} shot
  * @property {Large | null} large
- * @property {boolean} alone whether the large photograph failed, so that the small one is judged
+ * @property {boolean} alone whether there is no large one, so that the small one is judged
  * @property {Said | null} error why there is no photograph
  * @property {Said | null} refused why it was not sent
  * @property {Said[]} stops checks that stop the flight, as far as they are known
@@ -47,7 +47,7 @@ const strip = replay(byId("replay"), stage.expose);
  * @property {string} of parts of the request on which `source` depends
  * @property {boolean} busy whether the server has too many requests
  * @property {boolean} linked whether its link was shared or copied
- * @property {number} cut number of letters that were removed because the word was too long
+ * @property {number} cut number of letters removed from a word that was too long
  */
 /** @type {Known} */
 const known = {
@@ -70,7 +70,7 @@ let asked = "",
 
 /* ---------- Photographs ---------- */
 
-/** Returns the aspect (width / height) of a photograph that fills the stage. It stays the same while strokes of a file are selected. */
+/** Returns the aspect (width / height) of the stage, or the earlier one while strokes are selected. */
 function aspect() {
   if (state.aspect) return state.aspect;
   if (isDrawing()) return rounded(shape(state.sketch));
@@ -78,7 +78,7 @@ function aspect() {
     filled = rounded(area.clientWidth / Math.max(1, area.clientHeight));
   return filled;
 }
-// Aspects are rounded, so that the same word on similar tablets yields the same photograph.
+// Aspects are rounded, so that similar tablets share photographs.
 const rounded = (/** @type {number} */ value) =>
   Math.min(2.5, Math.max(0.4, Math.round(20 * value) / 20));
 
@@ -111,7 +111,7 @@ async function wanted() {
   });
   if (!shot || mine !== current()) return;
   known.source = shot.source ?? shot.error?.values.source ?? known.source;
-  // A picture is flown in its own colors. The photograph is requested again when these are known.
+  // A picture is flown in its own colors.
   const inks = known.source?.strokes ?? [];
   const colored = inks.some(({ color }) => !["black", "gray", "white"].includes(color ?? "black"));
   if (state.opened && !state.opened.colored !== !colored)
@@ -128,11 +128,11 @@ async function wanted() {
   const sharp = area.clientWidth * devicePixelRatio > SHARP_PX;
   const isHome = !about.kiosk && about.home;
   if (isUnjudged()) resting = window.setTimeout(() => enlarge(isHome), JUDGED_MS);
-  // A server that makes photographs for visitors makes only small ones without being asked.
+  // A server makes small photographs unless a large one is requested.
   else if ((sharp && !about.slow) || isHome) resting = window.setTimeout(() => enlarge(isHome), REST_MS);
 }
 
-/** The log that was photographed. If a later request fails, the cause is the word. @type {string | undefined} */
+/** The log that was photographed, after which any fault is in the word. @type {string | undefined} */
 let seenLog;
 /** Module that is loaded when it is first needed. @type {typeof import("./amiss.js") | null} */
 let amiss = null;
@@ -149,8 +149,8 @@ async function putReason() {
 }
 
 /**
- * Returns the verdict on the photograph that is kept, or null until it is known. The verdict on a small
- * photograph counts only if the word is so clear that it is certainly also legible in the large one.
+ * Returns the verdict on the kept photograph, or null until it is known. That on a small photograph counts
+ * only if the word is certainly legible in the large one, too.
  * @returns {Judged | null}
  */
 function judged() {
@@ -160,7 +160,7 @@ function judged() {
   const isSure = small.readability >= SURE && (small.rival?.p ?? 0) <= SURE_RIVAL;
   return small.legible && isSure ? small : null;
 }
-/** Returns false while a word is illegible and its reasons are still being loaded. */
+/** Returns false while the reasons for an illegible word are being loaded. */
 const isReasoned = () => judged()?.legible !== false || amiss !== null || lacksAmiss;
 const isUnjudged = () => Boolean(known.shot?.verdict) && !judged();
 
@@ -184,7 +184,7 @@ async function shown(shot, strokes, wanted) {
 /** The request for the large photograph. @type {{ of: unknown, answer: Promise<any> }} */
 let enlarging = { of: null, answer: Promise.resolve() };
 
-/** Requests the large photograph of the newest request once, because a second request would abort the first. */
+/** Requests the large photograph once, because a second request would abort the first. */
 function enlarge(/** @type {boolean} */ advice) {
   const of = current();
   if (enlarging.of !== of)
@@ -245,7 +245,7 @@ function nothing() {
 /** Shows an error in place of a photograph. @param {Said} error */
 async function failed(error) {
   const mine = current();
-  // If the page's texts cannot be loaded, the program's English text is shown.
+  // Without the page's texts, the program's English text is shown.
   await speakAll().catch(() => {});
   if (mine !== current()) return;
   known.error = error;
@@ -317,7 +317,7 @@ function putDesk() {
   if (isChoosing()) picture?.putPicture(known.source);
 }
 
-/** Shows, until the first photograph, a lamp that traces the letters' outlines one after another. */
+/** Shows a lamp that traces the letters until the first photograph. */
 function putPlan() {
   const plan = byId("plan"),
     said = word.value.trim();
@@ -420,7 +420,7 @@ async function send() {
   }
 }
 
-/** Puts the photograph's link into the address, and shares it or copies it to the clipboard. */
+/** Puts the photograph's link into the address, and shares or copies it. */
 async function share() {
   const { putLink } = await import("./link.js");
   const url = putLink(shapeNow);
@@ -430,7 +430,7 @@ async function share() {
   putDesk();
 }
 
-/** Begins another photograph. At a kiosk, everything about the last visitor is forgotten. */
+/** Begins another photograph. A kiosk forgets the last visitor. */
 function another() {
   history.replaceState(null, "", location.pathname + location.search);
   if (about.kiosk) {
@@ -491,7 +491,7 @@ async function draws() {
   byId("pad").focus({ preventScroll: true });
 }
 
-/** Module of the pad, which is loaded when the pad is first opened. @type {typeof import("./pad.js") | null} */
+/** The pad, which is loaded when it is first opened. @type {typeof import("./pad.js") | null} */
 let pad = null;
 
 async function loadPad() {
@@ -514,7 +514,7 @@ byId("opened-close").onclick = () => {
   word.focus();
 };
 
-/** Module for the strokes of a file, which is loaded when it is first needed. @type {typeof import("./picture.js") | null} */
+/** The strokes of a file, which are loaded when first needed. @type {typeof import("./picture.js") | null} */
 let picture = null;
 
 async function openPicture() {
@@ -571,7 +571,7 @@ addEventListener("drop", (event) => {
 
 /* ---------- Changes of the state ---------- */
 
-/** Parts of the state whose change ends the message about settings that were left out. */
+/** Changes that end the message about settings that were left out. */
 const WISHED = ["word", "sketch", "opened", "settings", "lamp", "room", "body"];
 
 watch((changed) => {
@@ -612,7 +612,7 @@ onLost((lost) => {
 let resizing = 0,
   screenSize = "";
 new ResizeObserver(() => {
-  // A longer sentence also makes the stage lower, but needs no other photograph.
+  // A longer sentence needs no other photograph.
   const now = `${innerWidth} ${innerHeight}`;
   if (now === screenSize) return;
   screenSize = now;
@@ -621,7 +621,7 @@ new ResizeObserver(() => {
     if (about && !isDrawing() && state.mode !== "pad") wanted();
   }, 300);
 }).observe(area);
-// The height of the desk is stored, so that the photograph does not overlap it.
+// The photograph does not overlap the desk.
 new ResizeObserver(() => area.style.setProperty("--desk", `${byId("desk").offsetHeight}px`)).observe(
   byId("desk"),
 );
@@ -657,7 +657,7 @@ async function begun() {
   else if (location.hash === "#pad") state.mode = "pad";
   if (state.mode === "pad") await loadPad().then(openPad);
   if (isChoosing()) await openPicture();
-  // A word may have been typed while the page was loading.
+  // A word may have been typed already.
   if (!state.word && state.mode === "word" && !state.opened) state.word = word.value;
   change({ language: state.language, color: state.color, mode: state.mode });
   if (about.kiosk)

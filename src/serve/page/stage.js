@@ -62,7 +62,7 @@ export async function hang(src, alt, replay, aspect, wanted) {
   return true;
 }
 
-/** Returns the highest and the lowest position of the lamp, as fractions of the photograph's height from its top. @param {LightMap} replay */
+/** Returns the lamp's highest and lowest position, as fractions of the photograph's height. @param {LightMap} replay */
 function extent({ strokes }) {
   const heights = strokes.flatMap(({ at }) => at.filter((_, i) => i % 3 === 2));
   const [top, bottom] = heights.reduce(([a, b], y) => [Math.min(a, y), Math.max(b, y)], [1e4, 0]);

@@ -97,7 +97,7 @@ function isSketch({ page, strokes, states, now }) {
 }
 
 /**
- * Settings and room that come from a link or from a stored state. `key` is the key of the message that
+ * Settings and room of a link or of a stored state. `key` is the key of the message that
  * some were left out, and `left` is this key while the message is shown.
  * @type {{ settings: Record<string, string>, room: string, key: string, left: string }}
  */
@@ -140,7 +140,7 @@ export function keep() {
   try {
     sessionStorage.setItem(KEY, JSON.stringify(state));
   } catch {
-    // The storage may be full, because a large file was opened, or forbidden. The page works without it.
+    // The page works without a storage that is full or forbidden.
     try {
       sessionStorage.setItem(KEY, JSON.stringify({ ...state, opened: null }));
     } catch {

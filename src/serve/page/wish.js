@@ -52,7 +52,7 @@ function lamp() {
   return about.deck === "led-ring" ? "ring" : "color-led";
 }
 
-/** Largest width and height of the pad in the room, in meters, and the fraction of the photograph that it fills. */
+/** Largest sides of the pad in meters, and its fraction of the photograph's sides. */
 const PAD_M = [3, 1.7];
 export const FILL = 0.8;
 /** Aspect below which the screen is that of a phone or of an upright tablet. */
@@ -73,7 +73,7 @@ function subject() {
   if (state.opened && isLog()) return { word: word(), log: state.opened.text };
   if (state.opened) return { drawing: { kind: state.opened.kind, text: state.opened.text } };
   if (!isDrawing()) return { word: word() };
-  // On the color LED deck, white is the color of its white LED, which a drawing expresses as black.
+  // White is the lamp's own color, which a drawing expresses as black.
   const own = lamp() === "color-led" ? "white" : "";
   const rgb = (/** @type {string} */ name) => (name === own ? [0, 0, 0] : color(name).screen);
   return {

@@ -42,7 +42,7 @@ export async function speak(/** @type {string} */ code) {
   putWords(document);
 }
 
-/** Loads both tables of a language, of which the second contains the texts of settings, operator, wall and checks. */
+/** Loads both tables of a language. */
 export function speakAll(code = language) {
   if (whole && code === language) return Promise.resolve();
   whole = true;
@@ -103,7 +103,7 @@ export function worded(phrase, values, code = language) {
 export const number = (/** @type {number} */ value) =>
   new Intl.NumberFormat(language, { maximumFractionDigits: 2 }).format(value);
 
-/** Isolates the direction of a text that may be written in the other direction. */
+/** Isolates a text that may run in the other direction. */
 function isolated(/** @type {string} */ text) {
   const foreign =
     document.documentElement.dir === "rtl" || /[\u0590-\u08ff\ufb1d-\ufefc]/.test(text);
